@@ -1,0 +1,142 @@
+"""Safe arithmetic: text -> Python's syntax tree -> a whitelist walked into any algebra. Nothing is evaluated.
+
+`sympy.sympify`, `sympy.parse_expr` and `eval` run whatever the text says; here a node that is not plain
+arithmetic over declared names is refused before anything is built.
+"""
+
+import ast
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from wmr_input.errors import WmrError, closest
+
+LONGEST_TEXT = 2000  # characters; deeper or longer input is a mistake or an attack, never a robot
+HIGHEST_POWER = 64  # product of nested exponents, so that 9**9**9 costs nothing
+LONGEST_NUMBER = 40  # characters of one literal
+HIGHEST_EXPONENT = 300  # decimal exponent of one literal, the range of a double
+
+
+class ExpressionError(WmrError):
+    """A text that is not arithmetic over the declared names: `problem` and `remedy`, without the place."""
+
+    def __init__(self, problem: str, remedy: str = "") -> None:
+        self.problem, self.remedy = problem, remedy
+        super().__init__(problem + (f"; {remedy}" if remedy else ""))
+
+
+@dataclass(frozen=True)
+class Algebra:
+    """What an expression is read into: values of names, functions by name, and how an exact number is made."""
+
+    names: Mapping[str, Any]
+    functions: Mapping[str, Callable[..., Any]]
+    number: Callable[[Fraction], Any]
+
+
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+}
+_UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
+
+
+def evaluate(text: str, algebra: Algebra) -> Any:
+    """The value of `text` in `algebra`.
+
+    Raises: ExpressionError, where the text is not arithmetic over the algebra's names and functions.
+    """
+    if len(text) > LONGEST_TEXT:
+        raise ExpressionError(f"expression of {len(text)} characters", f"use at most {LONGEST_TEXT}")
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+        return _Walk(text.strip(), algebra).value(tree.body, HIGHEST_POWER)
+    except SyntaxError as error:
+        raise ExpressionError(f"{_shown(text)} is not an expression ({error.msg})", "write arithmetic") from None
+    except (ValueError, RecursionError, MemoryError):
+        raise ExpressionError(f"{_shown(text)} is not an expression", "write arithmetic over declared names") from None
+    except ZeroDivisionError:
+        raise ExpressionError(f"division by zero in {_shown(text)}", "remove it") from None
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= 60 else text[:57] + "...")
+
+
+class _Walk:
+    """One walk down one syntax tree."""
+
+    def __init__(self, text: str, algebra: Algebra) -> None:
+        self.text, self.algebra = text, algebra
+
+    def value(self, node: ast.expr, power_left: int) -> Any:
+        match node:
+            case ast.Constant():
+                return self.algebra.number(self.number(node))
+            case ast.Name(id=name):
+                return self.name(name)
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
+                return _UNARY[type(op)](self.value(operand, power_left))
+            case ast.BinOp(left=left, op=ast.Pow(), right=right):
+                exponent = self.exponent(right)
+                power_left //= max(1, abs(exponent.numerator))
+                if power_left < 1:
+                    raise ExpressionError(f"power too high in {_shown(self.text)}", f"stay within {HIGHEST_POWER}")
+                return self.value(left, power_left) ** self.algebra.number(exponent)
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
+                return _BINARY[type(op)](self.value(left, power_left), self.value(right, power_left))
+            case ast.BinOp(op=ast.BitXor()):
+                raise ExpressionError(f"'^' in {_shown(self.text)}", "write powers with **")
+            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
+                return self.function(name)(self.value(argument, power_left))
+            case ast.Call(func=ast.Name(id=name)):
+                self.function(name)
+                raise ExpressionError(f"function {name!r} takes one argument", f"write {name}(...)")
+        raise ExpressionError(
+            f"{_shown(ast.get_source_segment(self.text, node) or self.text)} is not arithmetic",
+            "only numbers, declared names, + - * / ** and " + ", ".join(sorted(self.algebra.functions)) + " are read",
+        )
+
+    def number(self, node: ast.Constant) -> Fraction:
+        literal = ast.get_source_segment(self.text, node) or ""
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            raise ExpressionError(f"{_shown(literal)} is not a number", "write a decimal number or a declared name")
+        if len(literal) > LONGEST_NUMBER or _decimal_exponent(literal) > HIGHEST_EXPONENT:
+            raise ExpressionError(f"number {_shown(literal)} is out of range", "stay within a double's range")
+        return Fraction(node.value) if isinstance(node.value, int) else Fraction(literal.replace("_", ""))
+
+    def exponent(self, node: ast.expr) -> Fraction:
+        match node:
+            case ast.UnaryOp(op=ast.USub(), operand=operand):
+                return -self.exponent(operand)
+            case ast.BinOp(left=left, op=ast.Div(), right=right):
+                return self.exponent(left) / self.exponent(right)
+            case ast.Constant():
+                number = self.number(node)
+                if number.denominator <= 2 and abs(number) <= HIGHEST_POWER:
+                    return number
+        raise ExpressionError(
+            f"exponent {_shown(ast.get_source_segment(self.text, node) or '')} in {_shown(self.text)}",
+            "exponents are small whole or half numbers",
+        )
+
+    def name(self, name: str) -> Any:
+        if name in self.algebra.names:
+            return self.algebra.names[name]
+        if name in self.algebra.functions:
+            raise ExpressionError(f"function {name!r} without an argument", f"write {name}(...)")
+        raise ExpressionError(f"unknown name {name!r}", closest(name, self.algebra.names))
+
+    def function(self, name: str) -> Callable[[Any], Any]:
+        if name in self.algebra.functions:
+            return self.algebra.functions[name]
+        raise ExpressionError(f"unknown function {name!r}", closest(name, self.algebra.functions))
+
+
+def _decimal_exponent(literal: str) -> int:
+    mantissa, _, exponent = literal.lower().partition("e")
+    return abs(int(exponent)) if exponent and not mantissa.startswith("0x") else 0

@@ -1,0 +1,129 @@
+"""TOML file -> validated model; every mistake becomes one line with file, place, problem and remedy."""
+
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from wmr_input.errors import InputError, closest
+
+Schema = TypeVar("Schema", bound=BaseModel)
+
+
+def read_toml(path: Path, schema: type[Schema]) -> Schema:
+    """The file at `path`, validated by `schema`.
+
+    Raises: InputError, with one line a mistake.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(str(path), "", "no such file", "check the path") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not UTF-8 text"
+        raise InputError(str(path), "", f"cannot be read ({reason})", "name a TOML text file") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(str(path), "", f"not valid TOML: {error}", "mend the syntax there") from None
+    except RecursionError:
+        raise InputError(str(path), "", "nested too deeply", "flatten the tables") from None
+    return validate(data, schema, str(path))
+
+
+def validate(data: dict[str, Any], schema: type[Schema], file: str) -> Schema:
+    """`data` as `schema`; mistakes as InputError of `file`."""
+    try:
+        return schema.model_validate(data)
+    except ValidationError as error:
+        details = error.errors(include_url=False)
+        mistakes = [InputError(file, place(one["loc"], data), *_explained(one, schema)) for one in details]
+        raise InputError.together(mistakes) from None
+
+
+def place(location: tuple[int | str, ...], data: Any) -> str:
+    """Where in the file, as its author would say it: `[[wheels]] 'right' radius` or `[parameters] r.value`."""
+    if not location:
+        return ""
+    table, *rest = location
+    inside = data.get(table) if isinstance(data, dict) else None
+    if not rest:
+        return f"[[{table}]]" if isinstance(inside, list) else f"[{table}]" if isinstance(inside, dict) else str(table)
+    if isinstance(inside, list) and isinstance(rest[0], int):
+        item = inside[rest[0]] if rest[0] < len(inside) else None
+        if isinstance(item, dict):
+            name = item.get("name", item.get("input"))
+            head = f"[[{table}]] " + (repr(name) if isinstance(name, str) else f"number {rest[0] + 1}")
+        else:
+            head = f"{table} number {rest[0] + 1}"
+        rest = rest[1:]
+    else:
+        head = f"[{table}]"
+    return f"{head} {'.'.join(str(part) for part in rest)}".strip()
+
+
+_EXPECTED = {
+    "string_type": "text in quotes",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "list_type": "a list in [ ]",
+    "tuple_type": "a list in [ ]",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+}
+
+
+def _explained(error: ErrorDetails, schema: type[BaseModel]) -> tuple[str, str]:
+    """Problem and remedy of one of pydantic's errors, in words that say what would be right."""
+    kind, context = error["type"], error.get("ctx", {})
+    key = str(error["loc"][-1]) if error["loc"] else ""
+    got = _short(error["input"])
+    if kind == "extra_forbidden":
+        return f"unknown key {key!r}", closest(key, _keys(schema, error["loc"][:-1]))
+    if kind == "missing":
+        return f"missing {key!r}", f"add {key} = ..."
+    if kind == "value_error":
+        problem, _, remedy = str(context["error"]).partition("; ")
+        return problem, remedy
+    if kind in ("too_short", "too_long"):
+        bound = context.get("min_length", context.get("max_length"))
+        return f"has {context.get('actual_length')} entries", f"give {bound}"
+    if kind in ("literal_error", "enum", "union_tag_invalid"):
+        return f"{got} is unknown", f"choose {context.get('expected', context.get('expected_tags'))}"
+    if kind in _EXPECTED:
+        return f"{got} does not fit", f"expected {_EXPECTED[kind]}"
+    return f"{got} does not fit", error["msg"][:1].lower() + error["msg"][1:]
+
+
+def _short(value: Any) -> str:
+    shown = repr(value)
+    return shown if len(shown) <= 60 else shown[:57] + "..."
+
+
+def _keys(schema: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:
+    """The keys that `schema` knows at `location`."""
+    current: Any = schema
+    for part in location:
+        if isinstance(current, type) and issubclass(current, BaseModel):
+            field = current.model_fields.get(str(part))
+            current = field.annotation if field else None
+        else:  # an entry of a list or a table: its element type
+            current = (get_args(current) or (None,))[-1]
+        current = _without_none(current)
+    if isinstance(current, type) and issubclass(current, BaseModel):
+        return [field.alias or name for name, field in current.model_fields.items()]
+    return []
+
+
+def _without_none(annotation: Any) -> Any:
+    if get_origin(annotation) in (list, dict, tuple):
+        return annotation
+    options = [option for option in get_args(annotation) if option is not type(None)]
+    return options[0] if options else annotation

@@ -1,0 +1,114 @@
+"""The whole derivation of one robot, step by step, from its description to what can be printed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from sympy import Expr, Matrix, Symbol
+
+from derive.adaptive_form import AdaptiveForm, adaptive_form
+from derive.constraints import constraint_rows
+from derive.dynamics import Dynamics, derive_dynamics
+from derive.internal_dynamics import InternalDynamics, internal_dynamics
+from derive.kinematics import Kinematics
+from derive.linearization import Linearization, linearize
+from derive.mobility import Mobility, classify
+from derive.parametrization import Parameters
+from derive.pseudo_velocities import choose_kinematics
+from derive.resolving import read_robot
+from derive.robot import Robot
+from derive.terms import Terms
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Derivation:
+    """Everything that is known of a robot."""
+
+    robot: Robot
+    kinematics: Kinematics
+    mobility: Mobility
+    dynamics: Dynamics
+    linearization: Linearization
+    parameters: Parameters
+    adaptive: AdaptiveForm
+    internal: InternalDynamics
+
+    @property
+    def terms(self) -> Terms:
+        return self.kinematics.terms
+
+    @property
+    def known(self) -> tuple[Symbol, ...]:
+        """c: the known constants, in the order of p."""
+        return tuple(p for p in self.robot.parameters if p in self.parameters.known)
+
+    @property
+    def state(self) -> tuple[Symbol, ...]:
+        """x = [q; v]."""
+        return (*self.kinematics.q, *self.kinematics.v)
+
+    @property
+    def state_derivative(self) -> Matrix:
+        """x' (15), (2n-m, 1)."""
+        return Matrix([*self.kinematics.rates.values(), *self.dynamics.acceleration])
+
+    def at_defaults(self, expression: Expr) -> float:
+        """The value of a function of the parameters at the default parameters."""
+        return float(self.terms.expand(expression).xreplace(self.robot.defaults))
+
+
+def derive_robot(path: Path, progress: Progress = lambda step: None) -> Derivation:
+    """Derives the robot described at `path`; `progress` is told every step.
+
+    Raises: InputError, where the description is wrong.
+    """
+    progress("description")
+    robot = read_robot(path)
+    progress("kinematics")
+    kinematics = choose_kinematics(robot, constraint_rows(robot))
+    _check_motors(kinematics)
+    progress("mobility")
+    mobility = classify(kinematics)
+    progress("dynamics")
+    dynamics = derive_dynamics(kinematics)
+    progress("linearization")
+    linearization = linearize(kinematics)
+    parameters = _split_parameters(kinematics, linearization)
+    progress("base parameters")
+    adaptive = adaptive_form(kinematics, dynamics, parameters)
+    progress("internal dynamics")
+    internal = internal_dynamics(kinematics, linearization)
+    return Derivation(robot, kinematics, mobility, dynamics, linearization, parameters, adaptive, internal)
+
+
+def _check_motors(kinematics: Kinematics) -> None:
+    """Enough motors, and each pseudo-velocity within their reach."""
+    robot, wanted = kinematics.robot, len(kinematics.v)
+    count = len(robot.motors)
+    if count < wanted:
+        names = ", ".join(v.name for v in kinematics.v)
+        problem = f"{count} motors for {wanted} pseudo-velocities ({names})"
+        raise robot.reader.mistake("[[motors]]", problem, f"add {wanted - count}")
+    matrix = kinematics.actuator_rates_matrix
+    point = kinematics.terms.point(0)
+    for motor, row in zip(robot.motors, range(matrix.rows), strict=True):
+        if point.rank(matrix[row, :]) == 0:
+            driven = motor.wheel or motor.joint
+            problem = f"drives {driven!r}, which never moves"
+            raise robot.reader.mistake(f"[[motors]] {motor.input!r} drives", problem, "drive a part that turns")
+    if point.rank(matrix) < wanted:
+        problem = f"the motors act on {point.rank(matrix)} of {wanted} pseudo-velocities only"
+        raise robot.reader.mistake("[[motors]]", problem, "let them drive independent wheels or joints")
+
+
+def _split_parameters(kinematics: Kinematics, linearization: Linearization) -> Parameters:
+    """Known constants are those that appear in S or in h, and those that the description lists."""
+    robot, terms = kinematics.robot, kinematics.terms
+    geometry = [*kinematics.kinematic_matrix, *linearization.outputs.values()]
+    appearing = set().union(*(terms.atoms(entry) for entry in geometry)) & set(robot.parameters)
+    known = frozenset(appearing) | robot.known
+    return Parameters(known, frozenset(robot.parameters) - known)

@@ -1,0 +1,1 @@
+"""Printers: named expressions -> files. They know nothing of robots."""

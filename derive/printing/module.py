@@ -1,0 +1,115 @@
+"""Quantities -> one Python module. NumPy and CasADi differ by a dialect of a few lines."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from derive.metadata import Metadata
+from derive.printing.python_code import WIDTH, PythonCode, wrapped
+from derive.printing.rendering import render
+from derive.printing.statements import Statements, statements
+from derive.quantities import Argument, Quantity
+from derive.terms import Terms
+
+FUNCTIONS = ("cos", "exp", "pi", "sin", "sqrt", "tan")  # what expressions may call, by the same name in both libraries
+_HELPERS = ("np", "SX", "Function", "out", "batch")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """What differs between the languages: file and template, and how entries are read and written."""
+
+    file: str
+    template: str
+    read: str  # format of an argument's entry
+    write_vector: str
+    write_matrix: str
+
+
+@dataclass(frozen=True)
+class PrintedFunction:
+    """What a template needs of one function."""
+
+    quantity: Quantity
+    docstring: list[str]
+    body: list[str]
+    size: tuple[int, ...]
+    is_full: bool  # no entry is zero throughout
+
+
+def print_module(quantities: list[Quantity], terms: Terms, metadata: Metadata, dialect: Dialect) -> str:
+    """The text of a module that holds one function for each quantity."""
+    module_names = {*(quantity.name for quantity in quantities), *FUNCTIONS, *_HELPERS}
+    printed = [_print_function(quantity, terms, module_names, dialect) for quantity in quantities]
+    used = sorted({name for one in printed for name in FUNCTIONS if any(_calls(line, name) for line in one.body)})
+    return render(
+        dialect.template, functions=printed, metadata=metadata, used=used, symbol_table=_symbol_table(quantities)
+    )
+
+
+def operation_count(quantity: Quantity, terms: Terms) -> int:
+    """Arithmetic operations of the generated function."""
+    return statements(quantity.expression, terms, ()).operations
+
+
+def _calls(line: str, name: str) -> bool:
+    return f"{name}(" in line.replace("_", "x") if name != "pi" else "pi" in line
+
+
+def _print_function(quantity: Quantity, terms: Terms, module_names: set[str], dialect: Dialect) -> PrintedFunction:
+    reserved = module_names | {argument.name for argument in quantity.arguments}
+    inputs = {symbol: _free(symbol.name, reserved) for arg in quantity.arguments for symbol in arg.entries}
+    steps = statements(quantity.expression, terms, reserved | set(inputs.values()))
+    code = PythonCode(inputs)
+    body = [
+        f"{inputs[symbol]} = {dialect.read.format(argument=argument.name, index=index)}"
+        for argument in quantity.arguments
+        for index, symbol in enumerate(argument.entries)
+        if symbol in steps.inputs
+    ]
+    body += [f"{symbol.name} = {code.doprint(expression)}" for symbol, expression in steps.assignments]
+    write = dialect.write_vector if quantity.is_vector else dialect.write_matrix
+    returned = [f"{write.format(row=i, column=j)} = {code.doprint(entry)}" for (i, j), entry in steps.entries.items()]
+    size = (quantity.expression.rows,) if quantity.is_vector else quantity.expression.shape
+    lines = [*_wrap(body), "<out>", *_wrap(returned)]
+    is_full = len(steps.entries) == len(quantity.expression)
+    return PrintedFunction(quantity, _docstring(quantity, steps, size), lines, size, is_full)
+
+
+def _wrap(lines: Iterable[str]) -> list[str]:
+    return [part for line in lines for part in wrapped(line, 4).split("\n")]
+
+
+def _free(name: str, reserved: set[str]) -> str:
+    while name in reserved:
+        name += "_"
+    reserved.add(name)
+    return name
+
+
+def _docstring(quantity: Quantity, steps: Statements, size: tuple[int, ...]) -> list[str]:
+    symbols = ", ".join(quantity.shape)
+    lines = [f"{quantity.meaning}; equation {quantity.equation}.", ""]
+    lines += [f"{argument.name}: {_described(argument)}" for argument in quantity.arguments]
+    numbers = ", ".join(str(number) for number in size)
+    comma = "," if len(size) == 1 else ""
+    lines.append(f"Returns: shape ({symbols}{comma}) = ({numbers}{comma}); {steps.operations} operations.")
+    return [
+        part for line in lines for part in (textwrap.wrap(line, WIDTH - 4, subsequent_indent="    ") if line else [""])
+    ]
+
+
+def _described(argument: Argument) -> str:
+    return f"{argument.meaning}, ({len(argument.entries)},)"
+
+
+def _symbol_table(quantities: list[Quantity]) -> list[str]:
+    """One line for each argument: its entries with units."""
+    table: dict[str, str] = {}
+    for quantity in quantities:
+        for argument in quantity.arguments:
+            entries = ", ".join(f"{s.name} [{u}]" for s, u in zip(argument.entries, argument.units, strict=True))
+            table[argument.name] = f"{argument.name}: {argument.meaning}: {entries or 'none'}"
+    return [part for line in table.values() for part in textwrap.wrap(line, WIDTH, subsequent_indent="    ")]

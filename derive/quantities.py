@@ -1,0 +1,196 @@
+"""Everything derived, as an ordered list of named expressions. A new quantity is one entry; printers see only these."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import sympy as sp
+from sympy import Expr, Matrix, Symbol
+
+from derive.derivation import Derivation
+from derive.units import Unit, parse_unit, unit_text
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An argument of the generated functions: a vector, its entries and their units."""
+
+    name: str
+    meaning: str
+    entries: tuple[Symbol, ...]
+    units: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A named expression: one generated function."""
+
+    name: str
+    arguments: tuple[Argument, ...]
+    expression: Matrix
+    shape: tuple[str, ...]  # in the field's symbols: ("n", "n-m"); one entry for a vector
+    equation: str  # the paper's number, or the theory's section
+    meaning: str
+
+    @property
+    def is_vector(self) -> bool:
+        return len(self.shape) == 1
+
+
+def arguments_of(derivation: Derivation) -> dict[str, Argument]:
+    """The arguments by name."""
+    d, units = derivation, symbol_units(derivation)
+    declared = {symbol: d.robot.units[symbol.name] for symbol in (*d.robot.coordinates, *d.robot.parameters)}
+    for v, form in d.kinematics.pseudo_velocities.items():
+        turning = all(d.robot.units[q.name] == "rad" for q in d.kinematics.q if d.robot.rate(q) in form)
+        if turning and unit_text(v, units) == "1/s":
+            declared[v] = "rad/s"
+
+    def argument(name: str, meaning: str, entries: tuple[Symbol, ...]) -> Argument:
+        texts = (declared.get(entry) or unit_text(entry, units) for entry in entries)
+        return Argument(name, meaning, entries, tuple(texts))
+
+    return {
+        one.name: one
+        for one in (
+            argument("q", "generalized coordinates", d.kinematics.q),
+            argument("x", "state [q; v]", d.state),
+            argument("u", "motor voltages", d.dynamics.inputs),
+            argument("w", "generalized forces on v, Fbar + taubar_d", d.dynamics.loads),
+            argument("a", "accelerations v'", d.adaptive.accelerations),
+            argument("p", "physical parameters", d.robot.parameters),
+            argument("theta", "base parameters", d.adaptive.theta),
+            argument("c", "known constants", d.known),
+        )
+    }
+
+
+def symbol_units(derivation: Derivation) -> dict[Symbol, Unit]:
+    """The units of all symbols, as far as they are declared or follow."""
+    d, robot = derivation, derivation.robot
+    texts = {symbol: robot.units[symbol.name] for symbol in (*robot.coordinates, *robot.parameters)}
+    units = {symbol: parse_unit(text) for symbol, text in texts.items()}
+    for q in robot.coordinates:
+        units[robot.rate(q)] = parse_unit(f"{texts[q]}/s")
+    for v, form in d.kinematics.pseudo_velocities.items():
+        text = unit_text(sum((c * rate for rate, c in form.items()), sp.S.Zero), units)
+        if text != "?":
+            units[v] = parse_unit(text)
+    for v, load, a in zip(d.kinematics.v, d.dynamics.loads, d.adaptive.accelerations, strict=True):
+        if v in units:
+            units[load] = parse_unit("W" if not units[v] else f"W/{_inline(units[v])}")
+            units[a] = parse_unit(f"{_inline(units[v])}/s")
+    for u in d.dynamics.inputs:
+        units[u] = parse_unit("V")
+    for theta, expression in zip(d.adaptive.theta, d.adaptive.base_parameters, strict=True):
+        text = unit_text(sp.expand(d.terms.expand(expression)), units)
+        if text != "?":
+            units.setdefault(theta, parse_unit(text))
+    return units
+
+
+def _inline(unit: Unit) -> str:
+    """A unit for use behind a stroke: `m/s` divides as `m/s` -> `/m` `s`."""
+    return " ".join(f"{name}^{exponent}" for name, exponent in sorted(unit.items())) or "1"
+
+
+def quantities(derivation: Derivation) -> list[Quantity]:
+    """The generated functions, in the order of the derivation."""
+    return list(_Quantities(derivation).entries())
+
+
+class _Quantities:
+    def __init__(self, derivation: Derivation) -> None:
+        self.d = derivation
+        self.arguments = arguments_of(derivation)
+
+    def entries(self) -> Iterator[Quantity]:
+        yield from self.model()
+        yield from self.outputs()
+        yield from self.adaptive()
+
+    def entry(self, name: str, arguments: str, expression: Matrix, shape: str, equation: str, meaning: str) -> Quantity:
+        return Quantity(
+            name,
+            tuple(self.arguments[argument] for argument in arguments.split()),
+            expression,
+            tuple(shape.split()),
+            equation,
+            meaning,
+        )
+
+    def partial(self, column: Matrix, variables: tuple[Symbol, ...]) -> Matrix:
+        terms = self.d.terms
+        return Matrix(len(column), len(variables), lambda i, j: terms.partial(column[i], variables[j]))
+
+    def model(self) -> Iterator[Quantity]:
+        d, k, dyn = self.d, self.d.kinematics, self.d.dynamics
+        yield self.entry("constraint_matrix", "q p", k.constraint_matrix, "m n", "(2)", "A(q): A(q) q' = 0")
+        yield self.entry(
+            "kinematic_matrix", "q p", k.kinematic_matrix, "n n-m", "(3), (4)", "S(q): q' = S(q) v, A S = 0"
+        )
+        yield self.entry(
+            "actuator_rates_matrix", "q p", k.actuator_rates_matrix, "n_u n-m", "(10)", "X(q): motor rates = X(q) v"
+        )
+        yield self.entry(
+            "inertia_matrix", "q p", dyn.inertia_matrix, "n-m n-m", "(14)", "Mbar(q), symmetric positive definite"
+        )
+        yield self.entry(
+            "coriolis_matrix", "x p", dyn.coriolis_matrix, "n-m n-m", "(14)", "Cbar(q, v), back-EMF included"
+        )
+        yield self.entry("input_matrix", "q p", dyn.input_matrix, "n-m n_u", "(14)", "Bbar K1")
+        derivative = d.state_derivative
+        yield self.entry("state_derivative", "x u w p", derivative, "2n-m", "(15)", "x' of the robot under load w")
+        yield self.entry(
+            "state_jacobian", "x u w p", self.partial(derivative, d.state), "2n-m 2n-m", "d(15)/dx", "dx'/dx"
+        )
+        yield self.entry(
+            "input_jacobian", "x u w p", self.partial(derivative, dyn.inputs), "2n-m n_u", "d(15)/du", "dx'/du"
+        )
+
+    def outputs(self) -> Iterator[Quantity]:
+        lin = self.d.linearization
+        h = Matrix(list(lin.outputs.values()))
+        yield self.entry("output", "q c", h, "n-m", "(17)", "y = h(q)")
+        yield self.entry("output_jacobian", "q c", lin.output_jacobian, "n-m n", "(19)", "J_h = dh/dq")
+        yield self.entry("output_rate", "x c", lin.output_rate, "n-m", "(19)", "y' = L_f h = J_h S v")
+        yield self.entry("lie_f2_h", "x c", lin.lie_f2_h, "n-m", "(21), (86)", "L_f^2 h = d/dq(J_h S v) S v")
+
+    def adaptive(self) -> Iterator[Quantity]:
+        form, output_map = self.d.adaptive, self.d.linearization.output_map
+        parameters = Matrix(len(form.base_parameters), 1, list(form.base_parameters))
+        yield self.entry("base_parameters", "p", parameters, "n_theta", "(30), (82)", f"theta(p), {form.kind} form")
+        yield self.entry(
+            "lie_q_lie_f_h", "x theta c", output_map * form.drift, "n-m", "(21), (87)", "L_q L_f h = J_h S Q"
+        )
+        yield self.entry(
+            "decoupling_matrix", "x theta c", output_map * form.gain, "n-m n_u", "(22)", "D = L_g L_f h = J_h S G"
+        )
+        if form.regressor is not None:
+            yield self.entry(
+                "regressor",
+                "x u c",
+                output_map * form.regressor,
+                "n-m n_theta",
+                "(31), (89)",
+                "Y: y'' = L_f^2 h + Y theta; W of (89) is Y at the control",
+            )
+        if form.inverse is not None:
+            regressor = form.inverse.regressor(form.accelerations)
+            yield self.entry(
+                "inverse_regressor",
+                "x a c",
+                regressor,
+                "n_u n_pi",
+                "(14) inverted",
+                "Y_u: u = Y_u pi brings about v' = a",
+            )
+            pi = Matrix(len(form.inverse.base_parameters), 1, list(form.inverse.base_parameters))
+            yield self.entry("inverse_base_parameters", "p", pi, "n_pi", "(14) inverted", "pi(p) of u = Y_u pi")
+
+
+def units_of(expressions: tuple[Expr, ...], derivation: Derivation) -> tuple[str, ...]:
+    """The units of functions of the parameters."""
+    units = symbol_units(derivation)
+    return tuple(unit_text(sp.expand(derivation.terms.expand(expression)), units) for expression in expressions)

@@ -1,0 +1,159 @@
+"""Experiment tables -> the objects of a closed loop, with every mistake reported where it stands in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wmr_afl import references
+from wmr_afl.closed_loop import ClosedLoop
+from wmr_afl.controllers import GradientAdaptation, LinearizingLaw, OuterLoop, Projection, TrackingController
+from wmr_afl.errors import InputError, UnknownNameError, WmrError
+from wmr_afl.experiment import ControllerTable, Experiment, Named, ReferenceTable
+from wmr_afl.model import Model, Vector, load_model
+from wmr_afl.plant import InputLimits, MeasurementNoise, Plant
+from wmr_afl.references import Reference
+
+
+def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:
+    """The closed loop of every controller of an experiment that stands in `file`.
+
+    Raises: InputError, naming file, table and remedy.
+    """
+    assembly = _Assembly(experiment, file)
+    return {name: assembly.loop(name, table) for name, table in experiment.controllers.items()}
+
+
+@dataclass
+class _Assembly:
+    experiment: Experiment
+    file: Path
+
+    def __post_init__(self) -> None:
+        with self.at("robot"):
+            self.model = self._model(self.experiment.robot)
+        with self.at("[parameters]"):
+            self.parameters = self.model.parameters(**self.experiment.parameters)
+        self.reference = self._reference(self.experiment.reference)
+
+    @contextmanager
+    def at(self, place: str) -> Iterator[None]:
+        """Errors inside are mistakes at `place` of the file."""
+        try:
+            yield
+        except InputError:
+            raise
+        except WmrError as error:
+            problem, _, remedy = str(error).partition("; ")
+            raise InputError(str(self.file), place, problem, remedy) from None
+
+    def loop(self, name: str, table: ControllerTable) -> ClosedLoop:
+        return ClosedLoop(
+            self.model,
+            self._plant(),
+            self._controller(name, table),
+            self.reference,
+            self.experiment.simulation.sample_time,
+        )
+
+    def _model(self, name: str) -> Model:
+        beside = self.file.parent / name
+        return load_model(beside if (beside / "model.json").is_file() else name)
+
+    def _plant(self) -> Plant:
+        uncertainties, states = self.experiment.uncertainties, list(self.model.state_units)
+        limits = noise = None
+        if uncertainties.input_limits is not None:
+            with self.at("[uncertainties.input_limits] volts"):
+                limits = InputLimits(len(self.model.input_units), uncertainties.input_limits.volts)
+        if uncertainties.measurement_noise is not None:
+            with self.at("[uncertainties.measurement_noise] deviation"):
+                deviation = by_name("state", uncertainties.measurement_noise.deviation, states, missing=0.0)
+                noise = MeasurementNoise(len(states), deviation, uncertainties.measurement_noise.seed)
+        with self.at("[start]"):
+            start = by_name("state", self.experiment.start, states, missing=0.0)
+            return Plant(self.model, self.parameters, start, self.experiment.simulation.integrator, limits, noise)
+
+    def _reference(self, table: ReferenceTable) -> Reference:
+        outputs = list(self.model.output_units)
+        if table.expressions is not None:
+            with self.at("[reference.expressions]"):
+                unknown = [name for name in table.expressions if name not in outputs]
+                if unknown:
+                    raise UnknownNameError("output", unknown[0], outputs)
+                missing = [name for name in outputs if name not in table.expressions]
+                if missing:
+                    raise WmrError(f'output {missing[0]!r} has no reference; add {missing[0]} = "..."')
+                return Reference({name: table.expressions[name] for name in outputs})
+        kind, given = next((kind, value) for kind, value in vars(table).items() if value is not None)
+        expressions: list[str] = getattr(references, kind)(**given.model_dump())
+        with self.at(f"[reference.{kind}]"):
+            if len(expressions) != len(outputs):
+                raise WmrError(
+                    f"gives {len(expressions)} coordinates for {len(outputs)} outputs ({', '.join(outputs)}); "
+                    "write [reference.expressions]"
+                )
+            return Reference(dict(zip(outputs, expressions, strict=True)))
+
+    def _controller(self, name: str, table: ControllerTable) -> TrackingController:
+        model, place = self.model, f"[controllers.{name}]"
+        outputs, thetas = len(model.output_units), list(model.base_parameter_units)
+        with self.at(f"{place} outer_loop"):
+            outer_loop = OuterLoop(outputs, **table.outer_loop.model_dump())
+        with self.at(f"{place} estimate"):
+            if table.estimate == "exact":
+                estimate = model.base_parameters(self.parameters)
+            else:
+                estimate = by_name("base parameter", table.estimate, thetas)
+        adaptation = None
+        if table.adaptation is not None:
+            with self.at(f"{place} adaptation"):
+                gain = table.adaptation.gain
+                adaptation = GradientAdaptation(
+                    len(thetas), by_name("base parameter", gain, thetas) if isinstance(gain, dict) else gain
+                )
+        with self.at(f"{place} projection"):
+            projection = self._projection(table, thetas)
+        with self.at(f"{place} input_weights"):
+            law = LinearizingLaw(len(model.input_units), table.input_weights)
+        with self.at(place):
+            known = model.known(self.parameters)
+            return TrackingController(model, known, estimate, outer_loop, law, adaptation, projection)
+
+    def _projection(self, table: ControllerTable, thetas: list[str]) -> Projection:
+        def bounds(given: float | dict[str, float] | None, open_end: float) -> Vector:
+            if given is None:
+                return np.full(len(thetas), open_end)
+            if isinstance(given, dict):
+                return by_name("base parameter", given, thetas, missing=open_end)
+            guarded: list[str] = self.model.findings["determinant_parameters"]
+            return np.array([given if theta in guarded else open_end for theta in thetas])
+
+        if table.projection is None:
+            return Projection(len(thetas))
+        return Projection(len(thetas), bounds(table.projection.lower, -np.inf), bounds(table.projection.upper, np.inf))
+
+
+def by_name(kind: str, given: Named, names: Sequence[str], missing: float | None = None) -> Vector:
+    """Numbers told as one for all, as a list in order, or by name -> (len(names),).
+
+    Raises: UnknownNameError; WmrError, where some are missing.
+    """
+    if isinstance(given, dict):
+        for name in given:
+            if name not in names:
+                raise UnknownNameError(kind, name, names)
+        left = [name for name in names if name not in given]
+        if left and missing is None:
+            raise WmrError(f"{kind} {left[0]!r} is missing; add {left[0]} = ...")
+        return np.array([given.get(name, missing) for name in names], dtype=float)
+    array = np.asarray(given, dtype=float)
+    if array.shape not in ((), (len(names),)):
+        raise WmrError(
+            f"{array.size} numbers for {len(names)}; give one for all, or one for each of {', '.join(names)}"
+        )
+    return np.broadcast_to(array, (len(names),)).copy()

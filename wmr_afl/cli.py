@@ -1,0 +1,179 @@
+"""The command line `wmr-afl`."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from wmr_afl.errors import UnknownNameError, WmrError
+from wmr_afl.experiment import list_experiments
+from wmr_afl.model import load_model
+from wmr_afl.model_files import list_models
+from wmr_afl.results import metrics
+from wmr_afl.run import Run
+
+app = typer.Typer(
+    name="wmr-afl",
+    help="Adaptive feedback linearizing control of wheeled mobile robots: look at models, derive new ones, simulate.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+_console = Console()
+_errors = Console(stderr=True)
+
+Out = Annotated[Path, typer.Option(help="Folder for the results.")]
+BackendOption = Annotated[
+    str, typer.Option(help="numpy: step by step; casadi: traced and run as one function; auto: the faster one.")
+]
+
+
+@contextmanager
+def _reporting() -> Iterator[None]:
+    """Errors end in one line each and exit status 2."""
+    try:
+        yield
+    except WmrError as error:
+        for line in str(error).splitlines():
+            typer.echo(f"error: {line}", err=True)
+        raise typer.Exit(2) from None
+
+
+@app.command()
+def models() -> None:
+    """List the shipped models."""
+    table = Table("model", "what it is", "type", "base parameters", "outputs", box=None, header_style="bold")
+    for name in list_models():
+        model = load_model(name)
+        count = f"{len(model.base_parameter_units)}, {model.parametrization}"
+        table.add_row(name, model.title, model.findings["type"], count, ", ".join(model.output_units))
+    _console.print(table)
+    _console.print(f"experiments: {', '.join(list_experiments())}", highlight=False)
+
+
+@app.command()
+def show(model: Annotated[str, typer.Argument(help="A shipped model, or a folder that derive has written.")]) -> None:
+    """Tell what was found out about a robot."""
+    from wmr_afl.show import describe
+
+    with _reporting():
+        for part in describe(load_model(model)):
+            _console.print(part, highlight=False)
+
+
+@app.command()
+def derive(
+    robots: Annotated[list[Path], typer.Argument(help="Robot descriptions, TOML files.", metavar="ROBOT.toml ...")],
+    out: Annotated[Path, typer.Option(help="Folder for the generated models, one subfolder a robot.")],
+    check: Annotated[
+        bool, typer.Option("--check", help="Write nothing; fail with a diff where DIR is not what the robots give.")
+    ] = False,
+) -> None:
+    """Derive robots from their descriptions and generate their models (needs the extra 'derive')."""
+    try:
+        from derive.__main__ import derive as derive_robots
+    except ModuleNotFoundError as error:
+        typer.echo(f'error: {error.name} is not installed; pip install "wmr-afl[derive]"', err=True)
+        raise typer.Exit(2) from None
+    derive_robots(robots, out, check)
+
+
+@app.command()
+def simulate(
+    experiment: Annotated[str, typer.Argument(help="A shipped experiment, or a TOML file.")],
+    out: Out = Path("results"),
+    backend: BackendOption = "auto",
+    controller: Annotated[list[str] | None, typer.Option(help="Run this controller only; may be repeated.")] = None,
+) -> None:
+    """Run an experiment; write its samples, metrics and figures; exit with 1 where a run failed."""
+    from wmr_afl import plots
+    from wmr_afl.experiment import read_experiment
+    from wmr_afl.results import file_name, write_results
+
+    with _reporting():
+        told, path = read_experiment(experiment)
+        runs = _run_with_progress(experiment, backend, controller)
+        folder = out / path.stem
+        files = write_results(runs, folder)
+        for name, figure in plots.overview(runs, told.title).items():
+            files += plots.save(figure, folder / file_name(name))
+    _print_metrics(told.title, runs)
+    _console.print(f"{len(files)} files in {folder}", highlight=False)
+    if any(run.failure for run in runs.values()):
+        raise typer.Exit(1)
+
+
+@app.command()
+def reproduce(
+    figures: Annotated[list[str] | None, typer.Argument(help="Figures of the paper; all where none is named.")] = None,
+    out: Out = Path("results"),
+    backend: BackendOption = "auto",
+) -> None:
+    """Draw the paper's figures."""
+    from wmr_afl import plots
+    from wmr_afl.experiment import read_experiment
+    from wmr_afl.figures import FIGURES, draw
+    from wmr_afl.results import write_results
+
+    with _reporting():
+        wanted = figures or list(FIGURES)
+        for name in wanted:
+            if name not in FIGURES:
+                raise UnknownNameError("figure", name, FIGURES)
+        for experiment in dict.fromkeys(FIGURES[name].experiment for name in wanted):
+            runs = _run_with_progress(experiment, backend, None)
+            write_results(runs, out / experiment)
+            _print_metrics(read_experiment(experiment)[0].title, runs)
+            for name in wanted:
+                if FIGURES[name].experiment == experiment:
+                    png, svg = plots.save(draw(name, runs), out / name)
+                    _console.print(f"{name}: {png}, {svg}", highlight=False)
+
+
+def _run_with_progress(experiment: str, backend: str, controllers: list[str] | None) -> dict[str, Run]:
+    from wmr_afl.running import run
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=_errors, transient=True) as progress, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # failures stand in the table of metrics
+        tasks: dict[str, TaskID] = {}
+
+        def tell(controller: str, done: int, total: int) -> None:
+            if controller not in tasks:
+                tasks[controller] = progress.add_task(f"{experiment}: {controller}", total=total)
+            progress.update(tasks[controller], completed=done)
+
+        return run(experiment, backend, controllers, tell)
+
+
+def _print_metrics(title: str, runs: dict[str, Run]) -> None:
+    table = Table(
+        "controller", "RMS error", "RMS error, settled", "largest input", "", title=title, title_justify="left"
+    )
+    for name, run in runs.items():
+        found = metrics(run)
+        settled = f"{_row(found['rms_settled'])} (since {found['settled_since']:g} s)" if "rms" in found else "-"
+        largest = f"{max(found.get('largest_input', [0.0])):.3g} V"
+        table.add_row(name, _row(found["rms"]) if "rms" in found else "-", settled, largest, found["failure"] or "")
+    _console.print(table)
+
+
+def _row(values: list[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,9 @@
+"""Control laws: one law a file, each reading like its equation, none knowing a robot."""
+
+from wmr_afl.controllers.adaptation import GradientAdaptation
+from wmr_afl.controllers.linearizing_law import LinearizingLaw
+from wmr_afl.controllers.outer_loop import OuterLoop
+from wmr_afl.controllers.projection import Projection
+from wmr_afl.controllers.tracking import TrackingController
+
+__all__ = ["GradientAdaptation", "LinearizingLaw", "OuterLoop", "Projection", "TrackingController"]

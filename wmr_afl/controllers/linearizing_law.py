@@ -1,0 +1,40 @@
+"""The input-output linearizing law (23), with estimates (25)."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wmr_afl.arrays import Array
+from wmr_afl.controllers.outer_loop import per_entry
+from wmr_afl.errors import WmrError
+from wmr_afl.language import Language
+from wmr_afl.linear_algebra import least_norm, regularity
+from wmr_afl.model import Vector
+
+
+class LinearizingLaw:
+    """u = Dhat^-1 (eta - L_f^2 h - L_q L_f h_hat) (25).
+
+    With more motors than outputs the inputs that make sum weights u^2 least are taken; `weights` (n_u,), positive.
+    """
+
+    def __init__(self, inputs: int, weights: ArrayLike = 1.0) -> None:
+        self.weights = per_entry("input weights", weights, inputs)
+        if np.any(self.weights <= 0):
+            raise WmrError(f"input weights are {self.weights}; choose positive ones")
+
+    @property
+    def values(self) -> dict[str, Vector]:
+        return {"input_weights": self.weights}
+
+    def inputs(
+        self, x: Array, eta: Array, theta_hat: Array, k: SimpleNamespace, language: Language
+    ) -> tuple[Array, Array]:
+        """u [V] (n_u,), and how regular Dhat is: 0 singular, 1 orthogonal."""
+        model, arrays = language.model, language.arrays
+        decoupling = model.decoupling_matrix(x, theta_hat, k.c)
+        right = eta - model.lie_f2_h(x, k.c) - model.lie_q_lie_f_h(x, theta_hat, k.c)
+        return least_norm(decoupling, right, k.input_weights, arrays), regularity(decoupling, arrays)

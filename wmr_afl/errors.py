@@ -1,0 +1,30 @@
+"""Run time's part of the exception family; all derive from `WmrError`."""
+
+from collections.abc import Iterable
+
+from wmr_input import InputError, WmrError, closest
+
+__all__ = ["InputError", "MissingTermError", "ShapeError", "SimulationError", "UnknownNameError", "WmrError"]
+
+
+class ShapeError(WmrError, ValueError):
+    """An array has the wrong shape; the text says which is expected."""
+
+
+class UnknownNameError(WmrError, LookupError):
+    """A name is not one of those that there are; the text lists them."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        names = list(known)
+        listed = ", ".join(names) if names else "none"
+        remedy = closest(name, names)
+        hint = f"; {remedy}" if remedy.startswith("did") else ""
+        super().__init__(f"unknown {kind} {name!r}{hint}; there is {listed}")
+
+
+class MissingTermError(WmrError, AttributeError):
+    """A model does not have a term; the text says why."""
+
+
+class SimulationError(WmrError):
+    """A closed loop ended before its time; the text says when and why."""

@@ -1,0 +1,67 @@
+"""Writing runs to files: a table of samples a run, and the metrics of all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wmr_afl.errors import WmrError
+from wmr_afl.run import Run
+
+
+def metrics(run: Run) -> dict[str, Any]:
+    """What a run amounts to, in numbers: over the whole of it and over its last two sevenths."""
+    found: dict[str, Any] = {"samples": len(run.time), "failure": None if run.failure is None else str(run.failure)}
+    if len(run.time):
+        found["largest_input"] = _numbers(np.max(np.abs(run.input), axis=0))
+        found["largest_estimate"] = float(f"{np.max(np.abs(run.estimate), initial=0.0):.9g}")
+    if run.failure is None:
+        since = float(run.time[-1]) * 5.0 / 7.0
+        found["rms"] = _numbers(run.rms())
+        found["settled_since"] = since
+        found["rms_settled"] = _numbers(run.rms(since))
+        found["largest_error_settled"] = _numbers(run.largest_error(since))
+    return found
+
+
+def write_results(runs: Mapping[str, Run], folder: Path) -> list[Path]:
+    """One CSV file for each run, and `metrics.json` for all.
+
+    Raises: WmrError, where the folder cannot be written.
+    """
+    files = []
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, run in runs.items():
+            files.append(folder / f"{file_name(name)}.csv")
+            model = run.model
+            header = [
+                "time",
+                *model.state_units,
+                *model.input_units,
+                *(f"error_{output}" for output in model.output_units),
+                *(f"estimate_{theta}" for theta in model.base_parameter_units),
+            ]
+            table = np.hstack([run.time[:, None], run.state, run.input, run.error, run.estimate])
+            np.savetxt(files[-1], table, fmt="%.10g", delimiter=",", header=",".join(header), comments="")
+        files.append(folder / "metrics.json")
+        text = json.dumps({name: metrics(run) for name, run in runs.items()}, indent=2)
+        files[-1].write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise WmrError(
+            f"{error.filename or folder}: cannot be written ({error.strerror}); name a writable folder"
+        ) from None
+    return files
+
+
+def file_name(name: str) -> str:
+    """A controller's name as part of a file name."""
+    return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)
+
+
+def _numbers(values: np.ndarray) -> list[float]:
+    return [float(f"{value:.9g}") for value in values]

@@ -25,7 +25,7 @@ def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:
     Raises: InputError, naming file, table and remedy.
     """
     assembly = _Assembly(experiment, file)
-    return {name: assembly.loop(name, table) for name, table in experiment.controllers.items()}
+    return {name: assembly.loop(name) for name in experiment.controllers}
 
 
 @dataclass
@@ -51,11 +51,11 @@ class _Assembly:
             problem, _, remedy = str(error).partition("; ")
             raise InputError(str(self.file), place, problem, remedy) from None
 
-    def loop(self, name: str, table: ControllerTable) -> ClosedLoop:
+    def loop(self, name: str) -> ClosedLoop:
         return ClosedLoop(
             self.model,
             self._plant(),
-            self._controller(name, table),
+            self._controller(name, self.experiment.controller(name)),
             self.reference,
             self.experiment.simulation.sample_time,
         )
@@ -103,6 +103,8 @@ class _Assembly:
         model, place = self.model, f"[controllers.{name}]"
         outputs, thetas = len(model.output_units), list(model.base_parameter_units)
         with self.at(f"{place} outer_loop"):
+            if table.outer_loop is None:
+                raise WmrError("is missing; add outer_loop = { b1 = ..., b2 = ... } here or under [shared]")
             outer_loop = OuterLoop(outputs, **table.outer_loop.model_dump())
         with self.at(f"{place} estimate"):
             if table.estimate == "exact":

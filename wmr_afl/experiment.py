@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
@@ -90,7 +90,7 @@ class ProjectionTable(_Table):
 class ControllerTable(_Table):
     """The linearizing law; adaptive where `adaptation` is given."""
 
-    outer_loop: OuterLoopTable
+    outer_loop: OuterLoopTable | None = None
     estimate: Literal["exact"] | Named = "exact"
     adaptation: AdaptationTable | None = None
     projection: ProjectionTable | None = None
@@ -118,7 +118,7 @@ class UncertaintiesTable(_Table):
 
 
 class Experiment(_Table):
-    """One robot, one reference, any number of controllers."""
+    """One robot, one reference, any number of controllers; `shared` holds for those that do not say otherwise."""
 
     title: str
     source: str = ""
@@ -128,24 +128,13 @@ class Experiment(_Table):
     reference: ReferenceTable
     simulation: SimulationTable
     uncertainties: UncertaintiesTable = UncertaintiesTable()
+    shared: ControllerTable = ControllerTable()
     controllers: Annotated[dict[str, ControllerTable], Field(min_length=1)]
 
-    @model_validator(mode="before")
-    @classmethod
-    def _spread_shared(cls, data: Any) -> Any:
-        """What stands under [shared] holds for every controller that does not say otherwise."""
-        if (
-            isinstance(data, dict)
-            and isinstance(data.get("shared"), dict)
-            and isinstance(data.get("controllers"), dict)
-        ):
-            data = dict(data)
-            shared = data.pop("shared")
-            data["controllers"] = {
-                name: {**shared, **table} if isinstance(table, dict) else table
-                for name, table in data["controllers"].items()
-            }
-        return data
+    def controller(self, name: str) -> ControllerTable:
+        """A controller's table, completed by what stands under [shared]."""
+        table = self.controllers[name]
+        return self.shared.model_copy(update={key: getattr(table, key) for key in table.model_fields_set})
 
 
 _SHIPPED = Path(__file__).parent / "experiments"

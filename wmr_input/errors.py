@@ -28,10 +28,17 @@ class InputError(WmrError):
         return error
 
 
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known word that an unknown one was probably meant to be."""
+    names = list(known)
+    near = [name for name in names if name.lower() == word.lower()] or difflib.get_close_matches(word, names, n=1)
+    return near[0] if near else None
+
+
 def closest(word: str, known: Iterable[str]) -> str:
     """A remedy for an unknown word: the nearest known one, otherwise the list of what there is."""
     names = list(known)
-    near = [name for name in names if name.lower() == word.lower()] or difflib.get_close_matches(word, names, n=1)
-    if near:
-        return f"did you mean {near[0]!r}?"
+    near = nearest(word, names)
+    if near is not None:
+        return f"did you mean {near!r}?"
     return f"there is {', '.join(names)}" if names else "nothing of this kind is declared"

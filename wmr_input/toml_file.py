@@ -7,7 +7,7 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from wmr_input.errors import InputError, closest
+from wmr_input.errors import InputError, closest, nearest
 
 Schema = TypeVar("Schema", bound=BaseModel)
 
@@ -36,7 +36,7 @@ def validate(data: dict[str, Any], schema: type[Schema], file: str) -> Schema:
     try:
         return schema.model_validate(data)
     except ValidationError as error:
-        details = error.errors(include_url=False)
+        details = _without_misspelt(error.errors(include_url=False), schema)
         mistakes = [InputError(file, place(one["loc"], data), *_explained(one, schema)) for one in details]
         raise InputError.together(mistakes) from None
 
@@ -100,6 +100,13 @@ def _explained(error: ErrorDetails, schema: type[BaseModel]) -> tuple[str, str]:
     if kind in _EXPECTED:
         return f"{got} does not fit", f"expected {_EXPECTED[kind]}"
     return f"{got} does not fit", error["msg"][:1].lower() + error["msg"][1:]
+
+
+def _without_misspelt(details: list[ErrorDetails], schema: type[BaseModel]) -> list[ErrorDetails]:
+    """A key that is missing because it was misspelt is told once."""
+    unknown = [one["loc"] for one in details if one["type"] == "extra_forbidden"]
+    meant = {(*loc[:-1], nearest(str(loc[-1]), _keys(schema, loc[:-1]))) for loc in unknown}
+    return [one for one in details if one["type"] != "missing" or one["loc"] not in meant]
 
 
 def _short(value: Any) -> str:

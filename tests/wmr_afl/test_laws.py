@@ -41,7 +41,7 @@ def falsify(situation: Situation, term: str, languages: tuple[str, ...] = ("nump
     """Makes the first entry that is not zero a thousandth larger."""
     truth = getattr(situation.numpy, term)
     function = situation.casadi.functions()[term]
-    arguments = [situation.arguments[name] for name in function.name_in()]
+    arguments = [getattr(situation, name) for name in function.name_in()]
     sample = np.abs(truth(*arguments)).sum(axis=0)
     if not sample.size:
         pytest.skip(f"{term} is empty")

@@ -55,6 +55,16 @@ def _exact_cancellation(s: Situation) -> float:
     return relative(_acceleration(s, derivative), s.eta)
 
 
+def _known_parameters(s: Situation) -> float:
+    """The certainty-equivalent law (25) at the true base parameters is the exact one, from the matrices of (14)."""
+    inertia = s.numpy.inertia_matrix(s.q, s.p)
+    by_inertia = _output_map(s) @ np.linalg.inv(inertia)
+    gain = by_inertia @ s.numpy.input_matrix(s.q, s.p)
+    drift = -times(by_inertia, times(s.numpy.coriolis_matrix(s.x, s.p), s.v))
+    worst = relative(s.numpy.decoupling_matrix(s.x, s.theta, s.c), gain)
+    return max(worst, relative(s.numpy.lie_q_lie_f_h(s.x, s.theta, s.c), drift))
+
+
 def _determinant(s: Situation) -> float:
     """det D, or for more motors than outputs det(J_h S), equals the reported product."""
     matrix = s.numpy.decoupling_matrix(s.x, s.theta, s.c)
@@ -86,5 +96,6 @@ LAWS = (
         1e-9,
         _exact_cancellation,
     ),
+    Law("known parameters", "with known parameters adaptive and exact control coincide", 1e-10, _known_parameters),
     Law("determinant", "det D is the reported product of factors", 1e-9, _determinant),
 )

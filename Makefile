@@ -36,7 +36,8 @@ bench: $(VENV)/test.installed  ## Measure speed, as ratios within one run
 	$(BIN)/python -m benchmarks
 
 notebooks: $(VENV)/test.installed  ## Execute the notebooks and store their output
-	$(BIN)/python -m nbconvert --to notebook --execute --inplace notebooks/*.ipynb
+	$(BIN)/python -m nbconvert --to notebook --execute --inplace \
+		--ExecutePreprocessor.record_timing=False notebooks/*.ipynb
 
 clean:  ## Remove the virtual environment, results and caches
 	rm -rf $(VENV) results .mypy_cache .ruff_cache .pytest_cache .hypothesis

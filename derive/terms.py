@@ -118,6 +118,11 @@ class Terms:
 
 
 def is_simple(expression: Expr) -> bool:
-    """A number, a symbol, a function of a symbol, or a number times one of these."""
+    """A number, a symbol, a function of a symbol, or a number times one or two of these."""
     _, rest = expression.as_coeff_Mul()
-    return not rest.args or (isinstance(rest, sp.Function) and not rest.args[0].args)
+    factors = sp.Mul.make_args(rest)
+    return len(factors) <= 2 and all(_is_elementary(factor) for factor in factors)
+
+
+def _is_elementary(factor: Expr) -> bool:
+    return not factor.args or (isinstance(factor, sp.Function) and not factor.args[0].args)

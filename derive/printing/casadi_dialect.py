@@ -4,8 +4,11 @@ from derive.printing.module import Dialect
 
 CASADI = Dialect(
     file="casadi_model.py",
-    template="casadi_model.py.jinja",
-    read="{argument}[{index}]",
-    write_vector="out[{row}]",
-    write_matrix="out[{row}, {column}]",
+    title="CasADi",
+    usage=(
+        "Every term is a casadi.Function with named inputs and outputs, vectors are columns;",
+        "called with SX it inlines.",
+    ),
+    imports="casadi_imports.jinja",
+    helpers="casadi_helpers.jinja",
 )

@@ -1,7 +1,8 @@
-"""Quantities -> one Python module. NumPy and CasADi differ by a dialect of a few lines."""
+"""Quantities -> one Python module. The functions' bodies are the same text for NumPy and CasADi."""
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,38 +15,41 @@ from derive.quantities import Argument, Quantity
 from derive.terms import Terms
 
 FUNCTIONS = ("cos", "exp", "pi", "sin", "sqrt", "tan")  # what expressions may call, by the same name in both libraries
-_HELPERS = ("np", "SX", "Function", "out", "batch")
+_HELPERS = ("np", "math", "functools", "SX", "Function", "out")
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """What differs between the languages: file and template, and how entries are read and written."""
+    """What differs between the languages: imports, and how a function is made and its result set aside."""
 
     file: str
-    template: str
-    read: str  # format of an argument's entry
-    write_vector: str
-    write_matrix: str
+    title: str
+    usage: tuple[str, ...]
+    imports: str  # templates
+    helpers: str
 
 
 @dataclass(frozen=True)
 class PrintedFunction:
-    """What a template needs of one function."""
+    """What the template needs of one function."""
 
     quantity: Quantity
     docstring: list[str]
     body: list[str]
-    size: tuple[int, ...]
-    is_full: bool  # no entry is zero throughout
 
 
 def print_module(quantities: list[Quantity], terms: Terms, metadata: Metadata, dialect: Dialect) -> str:
     """The text of a module that holds one function for each quantity."""
     module_names = {*(quantity.name for quantity in quantities), *FUNCTIONS, *_HELPERS}
-    printed = [_print_function(quantity, terms, module_names, dialect) for quantity in quantities]
-    used = sorted({name for one in printed for name in FUNCTIONS if any(_calls(line, name) for line in one.body)})
+    printed = [_print_function(quantity, terms, module_names) for quantity in quantities]
+    used = sorted({name for one in printed for name in FUNCTIONS if any(_uses(line, name) for line in one.body)})
     return render(
-        dialect.template, functions=printed, metadata=metadata, used=used, symbol_table=_symbol_table(quantities)
+        "module.py.jinja",
+        functions=printed,
+        metadata=metadata,
+        used=used,
+        symbol_table=_symbol_table(quantities),
+        dialect=dialect,
     )
 
 
@@ -54,28 +58,31 @@ def operation_count(quantity: Quantity, terms: Terms) -> int:
     return statements(quantity.expression, terms, ()).operations
 
 
-def _calls(line: str, name: str) -> bool:
-    return f"{name}(" in line.replace("_", "x") if name != "pi" else "pi" in line
+def _uses(line: str, name: str) -> bool:
+    return re.search(rf"\b{name}\b", line) is not None
 
 
-def _print_function(quantity: Quantity, terms: Terms, module_names: set[str], dialect: Dialect) -> PrintedFunction:
-    reserved = module_names | {argument.name for argument in quantity.arguments}
+def _print_function(quantity: Quantity, terms: Terms, module_names: set[str]) -> PrintedFunction:
+    arguments = [argument.name for argument in quantity.arguments]
+    reserved = module_names | set(arguments)
     inputs = {symbol: _free(symbol.name, reserved) for arg in quantity.arguments for symbol in arg.entries}
     steps = statements(quantity.expression, terms, reserved | set(inputs.values()))
     code = PythonCode(inputs)
+    size = (quantity.expression.rows,) if quantity.is_vector else quantity.expression.shape
     body = [
-        f"{inputs[symbol]} = {dialect.read.format(argument=argument.name, index=index)}"
+        f"{inputs[symbol]} = {argument.name}[{index}]"
         for argument in quantity.arguments
         for index, symbol in enumerate(argument.entries)
         if symbol in steps.inputs
     ]
     body += [f"{symbol.name} = {code.doprint(expression)}" for symbol, expression in steps.assignments]
-    write = dialect.write_vector if quantity.is_vector else dialect.write_matrix
-    returned = [f"{write.format(row=i, column=j)} = {code.doprint(entry)}" for (i, j), entry in steps.entries.items()]
-    size = (quantity.expression.rows,) if quantity.is_vector else quantity.expression.shape
-    lines = [*_wrap(body), "<out>", *_wrap(returned)]
-    is_full = len(steps.entries) == len(quantity.expression)
-    return PrintedFunction(quantity, _docstring(quantity, steps, size), lines, size, is_full)
+    room = "_empty" if len(steps.entries) == len(quantity.expression) else "_zeros"
+    body.append(f"out = {room}({size}, {', '.join(arguments)})")
+    for (i, j), entry in steps.entries.items():
+        body.append(
+            f"out[{i}] = {code.doprint(entry)}" if quantity.is_vector else f"out[{i}, {j}] = {code.doprint(entry)}"
+        )
+    return PrintedFunction(quantity, _docstring(quantity, steps, size), _wrap(body))
 
 
 def _wrap(lines: Iterable[str]) -> list[str]:

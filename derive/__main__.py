@@ -23,12 +23,15 @@ def derive(
         bool, typer.Option("--check", help="Write nothing; fail with a diff where DIR is not what the robots give.")
     ] = False,
 ) -> None:
-    """Derive robots from their descriptions and generate NumPy and CasADi models.
+    """Derive robots from their descriptions and generate NumPy and CasADi models (needs the extra 'derive').
 
     Nothing is written unless every description is right.
     """
-    from derive.writing import differences, generate, write  # SymPy is slow to import; --help does not need it
-
+    try:
+        from derive.writing import differences, generate, write  # SymPy is slow to import; --help does not need it
+    except ModuleNotFoundError as error:
+        typer.echo(f'error: {error.name} is not installed; pip install "wmr-afl[derive]"', err=True)
+        raise typer.Exit(2) from None
     try:
         with _console.status("deriving") as status:
             files = generate(robots, lambda path: _Steps(path, status))

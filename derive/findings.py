@@ -10,6 +10,7 @@ from sympy import Expr, Matrix
 
 from derive.derivation import Derivation
 from derive.internal_dynamics import StraightLine
+from derive.linearization import relative_degree
 from derive.trigonometry import factored
 
 
@@ -59,7 +60,10 @@ def findings(derivation: Derivation) -> dict[str, Any]:
             for v, form in d.kinematics.pseudo_velocities.items()
         },
         "kinematic_singularities": [str(divisor) for divisor in d.kinematics.divisors],
-        "relative_degree": dict.fromkeys(d.linearization.outputs, 2),
+        "relative_degree": {
+            name: relative_degree(d.linearization.output_map[i, :] * d.adaptive.gain, d.kinematics)
+            for i, name in enumerate(d.linearization.outputs)
+        },
         "det_decoupling_matrix": str(det.product),
         "singular_where": singular_where(det, derivation),
         "determinant_parameters": [theta.name for theta in d.adaptive.theta if theta in involved],

@@ -50,6 +50,14 @@ def linearize(kinematics: Kinematics) -> Linearization:
     )
 
 
+def relative_degree(row: Matrix, kinematics: Kinematics) -> int | None:
+    """How often an output is differentiated until the inputs appear, for its row of D; None for more than twice.
+
+    y' = E v holds no input, because v is part of the state; y'' does where the row of D = E G does not vanish.
+    """
+    return None if all(kinematics.terms.is_zero(entry) for entry in row) else 2
+
+
 def _check_number(kinematics: Kinematics) -> None:
     reader, count, wanted = kinematics.robot.reader, len(kinematics.robot.outputs), len(kinematics.v)
     if count > wanted:

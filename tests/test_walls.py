@@ -9,7 +9,7 @@ from tests.conftest import ROBOTS, ROOT
 
 WITHOUT_SYMPY = """
 import sys
-for name in ("sympy", "derive", "jinja2"):
+for name in ("sympy", "jinja2"):
     sys.modules[name] = None  # importing it now raises ImportError
 import wmr_afl, wmr_afl.cli, wmr_afl.figures, wmr_afl.plots
 for name in wmr_afl.list_models():
@@ -24,6 +24,16 @@ assert run.rms(since=100.0).max() < 1e-3
 def test_the_runtime_runs_where_sympy_is_not_installed() -> None:
     done = subprocess.run([sys.executable, "-c", WITHOUT_SYMPY], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_the_derive_verb_says_what_is_missing() -> None:
+    program = (
+        "import sys; sys.modules['sympy'] = None; sys.argv = ['wmr-afl', 'derive', 'robot.toml', '--out', 'unused']\n"
+        "from wmr_afl.cli import app; app()"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert done.stderr == 'error: sympy is not installed; pip install "wmr-afl[derive]"\n'
 
 
 def test_import_contracts_hold() -> None:

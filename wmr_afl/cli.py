@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from derive.__main__ import derive
 from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.experiment import list_experiments
 from wmr_afl.model import load_model
@@ -69,21 +70,7 @@ def show(model: Annotated[str, typer.Argument(help="A shipped model, or a folder
             _console.print(part, highlight=False)
 
 
-@app.command()
-def derive(
-    robots: Annotated[list[Path], typer.Argument(help="Robot descriptions, TOML files.", metavar="ROBOT.toml ...")],
-    out: Annotated[Path, typer.Option(help="Folder for the generated models, one subfolder a robot.")],
-    check: Annotated[
-        bool, typer.Option("--check", help="Write nothing; fail with a diff where DIR is not what the robots give.")
-    ] = False,
-) -> None:
-    """Derive robots from their descriptions and generate their models (needs the extra 'derive')."""
-    try:
-        from derive.__main__ import derive as derive_robots
-    except ModuleNotFoundError as error:
-        typer.echo(f'error: {error.name} is not installed; pip install "wmr-afl[derive]"', err=True)
-        raise typer.Exit(2) from None
-    derive_robots(robots, out, check)
+app.command()(derive)
 
 
 @app.command()

@@ -16,7 +16,8 @@ from sympy import Expr, Matrix, Symbol
 from derive.dynamics import Dynamics
 from derive.kinematics import Kinematics
 from derive.linear_solve import adjugate_over_determinant
-from derive.parametrization import LinearMap, NotSeparable, Parameters, linear_map
+from derive.parametrization import LinearMap, linear_map
+from derive.separation import NotSeparable, Parameters
 from derive.trigonometry import factored
 
 

@@ -33,7 +33,7 @@ def constraint_rows(robot: Robot) -> Constraints:
     }
     rows |= {constraint_origin(number): Form(row) for number, row in enumerate(robot.constraints)}
     rates = [robot.rate(q) for q in robot.coordinates]
-    rank = Terms().point(0).rank(stacked(list(rows.values()), rates)) if rows else 0
+    rank = Terms().rank(stacked(list(rows.values()), rates)) if rows else 0
     if rank == len(rates):
         raise robot.reader.mistake(
             "[[wheels]]",

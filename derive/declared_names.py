@@ -13,12 +13,16 @@ def check_names(told: toml.RobotDescription, reader: Reader) -> None:
         {
             "coordinates": list(told.coordinates),
             "parameters": list(told.parameters),
-            "rates of coordinates": [f"{name}_dot" for name in told.coordinates],
             "pseudo_velocities": list(told.pseudo_velocities or {}),
             "motors": [motor.input for motor in told.motors],
         },
         reader,
     )
+    for table in ("parameters", "pseudo_velocities"):
+        for name in getattr(told, table) or {}:
+            if name.removesuffix("_dot") in told.coordinates and name.endswith("_dot"):
+                problem = f"is the rate of the coordinate {name.removesuffix('_dot')!r}"
+                raise reader.mistake(f"[{table}] {name}", problem, "choose another name")
     _check_distinct(
         {"frames": [frame.name for frame in told.frames], "wheels": [wheel.name for wheel in told.wheels]}, reader
     )

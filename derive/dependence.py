@@ -7,7 +7,7 @@ field; the coefficients are then recovered as rational functions of c and checke
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isqrt
 
@@ -17,6 +17,7 @@ from sympy.polys.matrices import DomainMatrix
 
 from derive.exact import FIELD, PRIME, Element, NotRepresentable, Point
 from derive.terms import Terms, sorted_symbols
+from derive.trigonometry import without_sums_of_angles
 
 Column = Sequence[Expr]  # a vector-valued function
 
@@ -28,6 +29,37 @@ class Dependence:
     independent: list[int]
     combination: dict[int, dict[int, Expr]]
 
+    def exchanged(self, cost: Callable[[Expr], int]) -> Dependence:
+        """Another basis of the same functions, in whose combinations the coefficients cost less."""
+        best = self
+        improved = True
+        while improved:
+            improved = False
+            pairs = [(j, i) for j, combination in sorted(best.combination.items()) for i in sorted(combination)]
+            for j, i in pairs:
+                other = best._swapped(j, i)
+                if other._cost(cost) < best._cost(cost):
+                    best, improved = other, True
+                    break
+        return best
+
+    def _swapped(self, joins: int, leaves: int) -> Dependence:
+        """The basis with function `joins` in the place of `leaves`."""
+        joining = self.combination[joins]
+        pivot = joining[leaves]
+        leaving = {i: sp.factor(-c / pivot) for i, c in joining.items() if i != leaves} | {joins: sp.factor(1 / pivot)}
+        combination = {leaves: leaving}
+        for j, old in self.combination.items():
+            if j != joins:
+                new = {i: c for i, c in old.items() if i != leaves}
+                for i, c in leaving.items() if leaves in old else ():
+                    new[i] = sp.factor(new.get(i, sp.S.Zero) + old[leaves] * c)
+                combination[j] = {i: c for i, c in new.items() if c != 0}
+        return Dependence(sorted({*self.independent, joins} - {leaves}), combination)
+
+    def _cost(self, cost: Callable[[Expr], int]) -> int:
+        return sum(cost(c) for combination in self.combination.values() for c in combination.values())
+
 
 def dependence(columns: Sequence[Column], known: frozenset[Symbol], terms: Terms) -> Dependence:
     """Splits `columns` into a basis, first come first kept, and combinations of it."""
@@ -38,13 +70,12 @@ def dependence(columns: Sequence[Column], known: frozenset[Symbol], terms: Terms
         if j in pivots:
             continue
         support = [k for k, _ in enumerate(pivots) if reduced[k][j] != 0]
-        coefficients: list[Expr | None] = []
-        for k in support:
-            number, other = _fraction(int(reduced[k][j])), _fraction(int(again[k][j]))
-            coefficients.append(number if number is not None and number == other else None)
-        if None in coefficients:
-            coefficients = list(_symbolic([columns[pivots[k]] for k in support], columns[j], known, terms))
-        combination[j] = {pivots[k]: c for k, c in zip(support, coefficients, strict=True) if c is not None}
+        basis = [columns[pivots[k]] for k in support]
+        numbers = [(_fraction(int(reduced[k][j])), _fraction(int(again[k][j]))) for k in support]
+        coefficients = [first for first, second in numbers if first is not None and first == second]
+        if len(coefficients) < len(support) or not _combine(basis, coefficients, columns[j], terms):
+            coefficients = _symbolic(basis, columns[j], known, terms)
+        combination[j] = {pivots[k]: c for k, c in zip(support, coefficients, strict=True)}
     return Dependence(list(pivots), combination)
 
 
@@ -54,16 +85,27 @@ def _reduced(
     """The reduced row echelon form of the columns' values, with the constants `known` at one random value each."""
     constants = Point(-1 - draw)
     rows: list[list[Element]] = []
-    for seed in range(4 * len(columns) + 16):
-        point = Point(seed + 1000 * draw, terms.definitions, {c: constants(c) for c in sorted_symbols(known)})
+    points = 0
+    for seed in range(1000 * draw, 1000 * draw + 8 * len(columns) + 64):
+        point = Point(seed, terms.definitions, {c: constants(c) for c in sorted_symbols(known)})
         try:
-            rows.extend([point(column[r]) for column in columns] for r in range(len(columns[0])))
+            values = [[point(column[r]) for column in columns] for r in range(len(columns[0]))]
         except NotRepresentable:
             continue
-        if len(rows) >= 2 * len(columns) + 8:
+        rows.extend(row for row in values if any(row))
+        points += 1
+        if points == len(columns) + 4:  # more than there can be independent functions of the state
             break
     reduced, pivots = DomainMatrix(rows, (len(rows), len(columns)), FIELD).rref()
     return reduced.to_list(), pivots
+
+
+def _combine(basis: Sequence[Column], coefficients: Sequence[Expr], column: Column, terms: Terms) -> bool:
+    """Whether the combination of the basis functions is the function `column`."""
+    return all(
+        terms.is_zero(sum((c * function[r] for c, function in zip(coefficients, basis, strict=True)), -entry))
+        for r, entry in enumerate(column)
+    )
 
 
 def _fraction(residue: int) -> sp.Rational | None:
@@ -82,20 +124,19 @@ def _symbolic(basis: Sequence[Column], column: Column, known: frozenset[Symbol],
     right: list[Expr] = []
     for draw in range(4 * len(basis) + 8):
         values = _RationalState(draw, known)
-        candidate = [[values(terms.expand(function[r])) for function in basis] for r in range(len(column))]
-        for r, row in enumerate(candidate):
-            trial = sp.Matrix([*rows, row])
-            if trial.rank() == len(rows) + 1:
+        for r, entry in enumerate(column):
+            row = [values(terms.expand(function[r])) for function in basis]
+            if Terms().rank(sp.Matrix([*rows, row])) == len(rows) + 1:
                 rows.append(row)
-                right.append(values(terms.expand(column[r])))
-        if len(rows) == len(basis):
-            break
-    solution = sp.Matrix(rows).LUsolve(sp.Matrix(right)).applyfunc(sp.factor)
-    for r, entry in enumerate(column):
-        combined = sum((c * function[r] for c, function in zip(solution, basis, strict=True)), sp.S.Zero)
-        if not terms.is_zero(combined - entry):
-            raise ArithmeticError(f"no combination found for {entry}")
-    return list(solution)
+                right.append(values(terms.expand(entry)))
+            if len(rows) == len(basis):
+                matrix = sp.Matrix(rows)
+                solution = matrix.adjugate() * sp.Matrix(right) / matrix.det(method="berkowitz")
+                coefficients = [sp.factor(sp.together(entry)) for entry in solution]
+                if _combine(basis, coefficients, column, terms):
+                    return coefficients
+                raise ArithmeticError(f"no combination found for {column}")
+    raise ArithmeticError(f"too few independent values found for {column}")
 
 
 class _RationalState:
@@ -105,7 +146,7 @@ class _RationalState:
         self.draw, self.known = draw, known
 
     def __call__(self, expression: Expr) -> Expr:
-        expression = sp.expand_trig(expression)
+        expression = without_sums_of_angles(expression)
         values: dict[Expr, Expr] = {}
         for function in sorted(expression.atoms(sp.sin, sp.cos, sp.tan), key=sp.default_sort_key):
             angle = function.args[0]

@@ -11,14 +11,15 @@ from sympy import Expr, Matrix, Symbol
 from derive.adaptive_form import AdaptiveForm, adaptive_form
 from derive.constraints import constraint_rows
 from derive.dynamics import Dynamics, derive_dynamics
+from derive.exact import NotRepresentable
 from derive.internal_dynamics import InternalDynamics, internal_dynamics
 from derive.kinematics import Kinematics
 from derive.linearization import Linearization, linearize
 from derive.mobility import Mobility, classify
-from derive.parametrization import Parameters
 from derive.pseudo_velocities import choose_kinematics
 from derive.resolving import read_robot
 from derive.robot import Robot
+from derive.separation import Parameters
 from derive.terms import Terms
 
 Progress = Callable[[str], None]
@@ -77,6 +78,7 @@ def derive_robot(path: Path, progress: Progress = lambda step: None) -> Derivati
     dynamics = derive_dynamics(kinematics)
     progress("linearization")
     linearization = linearize(kinematics)
+    _check_defaults(kinematics, dynamics, linearization)
     parameters = _split_parameters(kinematics, linearization)
     progress("base parameters")
     adaptive = adaptive_form(kinematics, dynamics, parameters)
@@ -94,15 +96,33 @@ def _check_motors(kinematics: Kinematics) -> None:
         problem = f"{count} motors for {wanted} pseudo-velocities ({names})"
         raise robot.reader.mistake("[[motors]]", problem, f"add {wanted - count}")
     matrix = kinematics.actuator_rates_matrix
-    point = kinematics.terms.point(0)
+    terms = kinematics.terms
     for motor, row in zip(robot.motors, range(matrix.rows), strict=True):
-        if point.rank(matrix[row, :]) == 0:
+        if terms.rank(matrix[row, :]) == 0:
             driven = motor.wheel or motor.joint
             problem = f"drives {driven!r}, which never moves"
             raise robot.reader.mistake(f"[[motors]] {motor.input!r} drives", problem, "drive a part that turns")
-    if point.rank(matrix) < wanted:
-        problem = f"the motors act on {point.rank(matrix)} of {wanted} pseudo-velocities only"
+    if terms.rank(matrix) < wanted:
+        problem = f"the motors act on {terms.rank(matrix)} of {wanted} pseudo-velocities only"
         raise robot.reader.mistake("[[motors]]", problem, "let them drive independent wheels or joints")
+
+
+def _check_defaults(kinematics: Kinematics, dynamics: Dynamics, linearization: Linearization) -> None:
+    """The model must not be degenerate at the default parameters, for then it could not be run."""
+    robot, terms, wanted = kinematics.robot, kinematics.terms, len(kinematics.v)
+    zeros = [symbol.name for symbol, number in robot.defaults.items() if number == 0]
+    remedy = f"change the defaults; zero is the value of {', '.join(zeros)}" if zeros else "change the defaults"
+    for matrix, table, problem in (
+        (dynamics.inertia_matrix, "[[bodies]]", "some motion has no inertia"),
+        (dynamics.input_matrix, "[[motors]]", "the motors do not reach every pseudo-velocity"),
+        (linearization.output_map, "[outputs]", "the decoupling matrix is singular everywhere"),
+    ):
+        try:
+            regular = terms.rank(matrix, robot.defaults) == wanted
+        except NotRepresentable:
+            regular = False
+        if not regular:
+            raise robot.reader.mistake(table, f"with the default parameters {problem}", remedy)
 
 
 def _split_parameters(kinematics: Kinematics, linearization: Linearization) -> Parameters:

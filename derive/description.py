@@ -27,12 +27,19 @@ def _checked_coordinate(name: str) -> str:
     return name
 
 
+def _checked_line(text: str) -> str:
+    if not text.isprintable():
+        raise ValueError(f"{text[:40]!r} holds line breaks or control characters; write one line of plain text")
+    return text
+
+
 def _number_as_text(value: object) -> object:
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 Name = Annotated[str, AfterValidator(_checked_name)]
 CoordinateName = Annotated[Name, AfterValidator(_checked_coordinate)]
+Line = Annotated[str, AfterValidator(_checked_line), Field(max_length=300)]
 Expression = Annotated[str, BeforeValidator(_number_as_text), Field(min_length=1)]
 Vector = Annotated[list[Expression], Field(min_length=2, max_length=2)]
 FiniteNumber = Annotated[float, Field(allow_inf_nan=False)]
@@ -46,8 +53,8 @@ class Parameter(_Table):
     """A physical parameter with its default value."""
 
     value: FiniteNumber
-    unit: str
-    about: str = ""
+    unit: Line
+    about: Line = ""
 
 
 class Frame(_Table):
@@ -113,9 +120,9 @@ class RobotDescription(_Table):
     """A wheeled robot: a planar tree of rigid frames joined by revolute joints, with masses and wheels attached."""
 
     name: Name
-    title: str
-    source: str
-    coordinates: Annotated[dict[CoordinateName, str], Field(min_length=1, max_length=40)]
+    title: Line
+    source: Line
+    coordinates: Annotated[dict[CoordinateName, Line], Field(min_length=1, max_length=40)]
     parameters: dict[Name, Parameter]
     known: list[str] = []
     frames: Annotated[list[Frame], Field(min_length=1)]

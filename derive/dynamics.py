@@ -67,7 +67,7 @@ def derive_dynamics(kinematics: Kinematics) -> Dynamics:
 
     def named(matrix: Matrix, kind: str) -> Matrix:
         def entry(i: int, j: int) -> Expr:
-            value = shortest(matrix[i, j])
+            value = terms.simplified(matrix[i, j])
             if terms.is_zero(value):
                 return sp.S.Zero
             return terms.name(f"{kind}_{v[i].name}_{v[j].name}", value)
@@ -120,7 +120,7 @@ def _mass_properties(robot: Robot, frame: str, point: tuple[Expr, Expr], terms: 
 
 
 def _check_inertia(inertia: Matrix, robot: Robot, terms: Terms) -> None:
-    if terms.point(0).rank(inertia) < inertia.rows:
+    if terms.rank(inertia) < inertia.rows:
         raise robot.reader.mistake(
             "[[bodies]]", "some motion has no inertia: Mbar is singular", "give every moving part a mass or an inertia"
         )

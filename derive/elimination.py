@@ -14,7 +14,6 @@ from sympy import Expr, Symbol
 
 from derive.motion import Form
 from derive.terms import Terms
-from derive.trigonometry import shortest
 
 
 @dataclass
@@ -61,7 +60,7 @@ class Elimination:
 
     def solution(self, form: Form) -> Form:
         """`form` in what is not solved yet."""
-        return form.substitute(self.solved).map(shortest).without_zeros(self.terms.is_zero)
+        return form.substitute(self.solved).map(self.terms.simplified).without_zeros(self.terms.is_zero)
 
     def named(self, name: str, form: Form) -> Form:
         """What is known of `form`; coefficients that are final and depend on the configuration get names."""
@@ -118,17 +117,17 @@ class Elimination:
         block: list[Equation] = []
         for equation in equations:
             rows = sp.Matrix.vstack(*(other.form.row(rates) for other in [*block, equation]))
-            if self.terms.point(0).rank(rows) == len(block) + 1:
+            if self.terms.rank(rows) == len(block) + 1:
                 block.append(equation)
         return block if rates and len(block) == len(rates) else []
 
     def _solve(self, equations: list[Equation], rates: list[Symbol]) -> None:
         matrix = sp.Matrix.vstack(*(equation.form.row(rates) for equation in equations)).applyfunc(self.terms.expand)
         rest = [Form({s: c for s, c in equation.form.items() if s not in rates}) for equation in equations]
-        determinant = shortest(matrix.det(method="berkowitz"))
+        determinant = self.terms.simplified(matrix.det(method="berkowitz"))
         if not self.is_constant(determinant):
             self.divisors.append(determinant)
-        inverse = (matrix.adjugate() / determinant).applyfunc(shortest)
+        inverse = (matrix.adjugate() / determinant).applyfunc(self.terms.simplified)
         for i, rate in enumerate(rates):
             form = Form()
             for j, other in enumerate(rest):

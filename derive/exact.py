@@ -27,6 +27,7 @@ _ORDER = lcm(8, 3 * 5 * 7 * 11 * 13 * 17 * 19, 2 * _FRACTIONS)
 PRIME = next(p for k in range(2**61 // _ORDER, 0, -1) if sp.isprime(p := k * _ORDER + 1))
 FIELD = sp.FF(PRIME, symmetric=False)
 SEEDS = 4  # points a zero test looks at
+TRIED_POINTS = 200  # points tried to find some at which roots exist; each root exists at every other point
 
 Element = Any  # of FIELD, or a Dual over it
 
@@ -193,7 +194,7 @@ def vanishes(expression: Expr, definitions: Mapping[Symbol, Expr] | None = None)
     if expression.is_Number:
         return bool(expression == 0)
     looked_at = 0
-    for seed in range(8 * SEEDS):
+    for seed in range(TRIED_POINTS):
         try:
             if Point(seed, definitions)(expression) != 0:
                 return False

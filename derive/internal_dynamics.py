@@ -63,12 +63,12 @@ def internal_dynamics(kinematics: Kinematics, linearization: Linearization) -> I
 
 def _free_coordinates(kinematics: Kinematics, linearization: Linearization) -> tuple[Symbol, ...]:
     """Coordinates that complete the outputs to a chart, joint angles before positions."""
-    point = kinematics.terms.point(0)
+    terms = kinematics.terms
     rows = linearization.output_jacobian
     chosen = []
     for index, q in reversed(list(enumerate(kinematics.q))):
         unit = Matrix(1, len(kinematics.q), lambda _, j, index=index: int(j == index))
-        if point.rank(Matrix.vstack(rows, unit)) > rows.rows:
+        if terms.rank(Matrix.vstack(rows, unit)) > rows.rows:
             rows = Matrix.vstack(rows, unit)
             chosen.append(q)
     return tuple(q for q in kinematics.q if q in chosen)

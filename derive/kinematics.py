@@ -58,7 +58,8 @@ def solve_kinematics(robot: Robot, pseudo_velocities: Mapping[Symbol, Form], con
 
     Raises: NotSolvable, where they do not describe the motion that the constraints leave.
     """
-    terms = Terms(reserved=[s.name for s in (*robot.coordinates, *robot.parameters, *pseudo_velocities)])
+    declared = [s.name for s in (*robot.coordinates, *robot.parameters, *pseudo_velocities)]
+    terms = Terms(reserved=[*declared, *(motor.input for motor in robot.motors)])
     tree = TreeMotion(robot, terms, frozenset(pseudo_velocities))
     tree.elimination.add(
         Equation(Form(row), constraint_origin(index), is_constraint=True) for index, row in enumerate(robot.constraints)

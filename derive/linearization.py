@@ -8,7 +8,6 @@ from sympy import Expr, Matrix, Symbol
 
 from derive.exact import NotRepresentable
 from derive.kinematics import Kinematics
-from derive.trigonometry import shortest
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ def linearize(kinematics: Kinematics) -> Linearization:
     names = list(robot.outputs)
 
     def entry(i: int, j: int) -> Expr:
-        value = shortest(product[i, j])
+        value = terms.simplified(product[i, j])
         return terms.name(f"{names[i]}_dot_{v[j].name}", value)
 
     output_map = Matrix(*product.shape, entry)
@@ -71,13 +70,13 @@ def _check_number(kinematics: Kinematics) -> None:
 
 
 def _check_regular(jacobian: Matrix, output_map: Matrix, kinematics: Kinematics) -> None:
-    point, robot = kinematics.terms.point(0), kinematics.robot
+    terms, robot = kinematics.terms, kinematics.robot
     try:
-        if point.rank(jacobian) < jacobian.rows:
+        if terms.rank(jacobian) < jacobian.rows:
             names = ", ".join(robot.outputs)
             raise robot.reader.mistake("[outputs]", f"{names} depend on each other", "choose independent outputs")
-        if point.rank(output_map) < output_map.rows:
-            unseen = _unseen(output_map, kinematics.v, point.rank(output_map), kinematics)
+        if terms.rank(output_map) < output_map.rows:
+            unseen = _unseen(output_map, kinematics.v, terms.rank(output_map), kinematics)
             raise robot.reader.mistake(
                 "[outputs]",
                 f"the decoupling matrix is singular everywhere: the outputs do not see {unseen}, so their relative "
@@ -93,11 +92,11 @@ def _check_regular(jacobian: Matrix, output_map: Matrix, kinematics: Kinematics)
 
 def _unseen(output_map: Matrix, v: tuple[Symbol, ...], rank: int, kinematics: Kinematics) -> str:
     """The pseudo-velocities that can be left out without losing rank."""
-    point = kinematics.terms.point(0)
+    terms = kinematics.terms
     idle = []
     for j, symbol in enumerate(v):
         others = output_map.copy()
         others.col_del(j)
-        if point.rank(others) == rank:
+        if terms.rank(others) == rank:
             idle.append(symbol.name)
     return " or ".join(idle) if idle else "every motion"

@@ -10,8 +10,7 @@ from sympy import Expr
 
 from derive.derivation import Derivation
 from derive.findings import findings
-from derive.quantities import arguments_of, symbol_units
-from derive.units import unit_text
+from derive.quantities import arguments_of, unit_text, units_of
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ class Metadata:
 
 def describe(derivation: Derivation) -> Metadata:
     """The metadata of a derived robot."""
-    d, arguments, units = derivation, arguments_of(derivation), symbol_units(derivation)
+    d, arguments, units = derivation, arguments_of(derivation), units_of(derivation)
 
     def table(argument: str) -> dict[str, str]:
         one = arguments[argument]
@@ -55,7 +54,7 @@ def describe(derivation: Derivation) -> Metadata:
         source=d.robot.source,
         state=table("x"),
         inputs=table("u"),
-        outputs={name: unit_text(h, units) for name, h in d.linearization.outputs.items()},
+        outputs={name: unit_text(h, units, d) for name, h in d.linearization.outputs.items()},
         parameters=table("p"),
         defaults={p.name: float(d.robot.defaults[p]) for p in d.robot.parameters},
         about=d.robot.about,
@@ -65,9 +64,7 @@ def describe(derivation: Derivation) -> Metadata:
             s.name: formula(e) for s, e in zip(d.adaptive.theta, d.adaptive.base_parameters, strict=True)
         },
         parametrization=d.adaptive.kind,
-        inverse_base_parameters={
-            name: unit_text(sp.expand(d.terms.expand(e)), units) for name, e in zip(pi_names, pi, strict=True)
-        },
+        inverse_base_parameters={name: unit_text(e, units, d) for name, e in zip(pi_names, pi, strict=True)},
         inverse_base_parameter_formulas={name: formula(e) for name, e in zip(pi_names, pi, strict=True)},
         findings=findings(derivation),
     )

@@ -35,16 +35,16 @@ class Mobility:
 
 def classify(kinematics: Kinematics) -> Mobility:
     """The mobility of a robot."""
-    point, v = kinematics.terms.point(0), kinematics.v
+    terms, v = kinematics.terms, kinematics.v
     root = kinematics.velocities[kinematics.robot.frames[0].name]
     root_map = Matrix.vstack(*(form.row(v) for form in (root.forward, root.lateral, root.turning)))
-    mobility = point.rank(root_map)
+    mobility = terms.rank(root_map)
     steering = [kinematics.joint_rates[name].row(v) for name in _steering_joints(kinematics)]
     growth = bracket_growth(kinematics)
     rows = zip(kinematics.kept, range(kinematics.constraint_matrix.rows), strict=True)
     return Mobility(
         degree_of_mobility=mobility,
-        degree_of_steerability=point.rank(Matrix.vstack(root_map, *steering)) - mobility,
+        degree_of_steerability=terms.rank(Matrix.vstack(root_map, *steering)) - mobility,
         growth=growth,
         holonomic=tuple(o for o, i in rows if annihilates(kinematics.constraint_matrix[i, :], growth, kinematics)),
     )

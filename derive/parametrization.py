@@ -15,19 +15,8 @@ import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
 from derive.dependence import dependence
+from derive.separation import Parameters, Separation
 from derive.terms import Terms
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """The physical parameters: `known` constants, which a controller may use, and `uncertain` ones."""
-
-    known: frozenset[Symbol]
-    uncertain: frozenset[Symbol]
-
-    @property
-    def all(self) -> frozenset[Symbol]:
-        return self.known | self.uncertain
 
 
 @dataclass(frozen=True)
@@ -44,14 +33,6 @@ class LinearMap:
         return sum(slopes, self.drift)
 
 
-class NotSeparable(Exception):
-    """A factor mixes state and uncertain parameters: `factor`."""
-
-    def __init__(self, factor: Expr) -> None:
-        self.factor = factor
-        super().__init__(str(factor))
-
-
 def linear_map(
     function: Matrix,
     slope_symbols: Sequence[Symbol],
@@ -64,15 +45,17 @@ def linear_map(
     `value` gives a parameter function at the default parameters: signs are chosen so that base parameters are positive.
     Raises: NotSeparable, where a factor of a term contains both state and uncertain parameters.
     """
-    expanded = [sp.expand(_unmixed(entry, parameters, terms)) for entry in function]
-    without = dict.fromkeys(slope_symbols, sp.S.Zero)
-    stacked = [entry.xreplace(without) for entry in expanded]
-    stacked += [entry.coeff(s) for s in slope_symbols for entry in expanded]
-    products = [_products(entry, parameters, terms) for entry in stacked]
+    separation = Separation(slope_symbols, parameters, terms)
+    rows = [separation.products(entry) for entry in function]
+    products = [
+        _simple_first({f: p for (s, f), p in row.items() if s == slope and not terms.is_zero(p)})
+        for slope in (None, *slope_symbols)
+        for row in rows
+    ]
     theta, columns = _independent_parameters(products, parameters, terms)
-    theta, columns = _independent_columns(theta, columns, parameters, terms)
+    theta, columns = _independent_columns(theta, columns, parameters, terms, value)
     signs = [-1 if value(parameter) < 0 else 1 for parameter in theta]
-    regressor = sp.zeros(len(stacked), len(theta))
+    regressor = sp.zeros(len(products), len(theta))
     for k, column in enumerate(columns):
         regressor[:, k] = signs[k] * column
     size = function.rows
@@ -103,46 +86,27 @@ def _independent_parameters(
 
 
 def _independent_columns(
-    theta: list[Expr], columns: list[Matrix], parameters: Parameters, terms: Terms
+    theta: list[Expr], columns: list[Matrix], parameters: Parameters, terms: Terms, value: Callable[[Expr], float]
 ) -> tuple[list[Expr], list[Matrix]]:
     """Without columns that are combinations of others: their parameters join those of the others.
 
-    Later columns are kept rather than earlier ones: masses further in then join those further out with positive sign.
+    Where there is a choice, they join without division, for a length may be zero, and as sums rather than differences.
     """
     if not theta:
         return [], []
-    order = list(range(len(theta)))[::-1]
-    found = dependence([list(columns[i]) for i in order], parameters.known, terms)
-    kept = {order[k]: theta[order[k]] for k in found.independent}
+
+    def cost(coefficient: Expr) -> int:
+        divides = not sp.fraction(sp.together(coefficient))[1].is_number
+        return 100 * divides + (value(coefficient) < 0)
+
+    found = dependence([list(column) for column in columns], parameters.known, terms).exchanged(cost)
+    kept = {i: theta[i] for i in found.independent}
     for j, combination in found.combination.items():
         for i, factor in combination.items():
-            kept[order[i]] += factor * theta[order[j]]
-    return [kept[i] for i in sorted(kept)], [columns[i] for i in sorted(kept)]
+            kept[i] += factor * theta[j]
+    return list(kept.values()), [columns[i] for i in kept]
 
 
-def _products(expression: Expr, parameters: Parameters, terms: Terms) -> list[Product]:
-    """An expanded expression as a sum of products; factors of known constants stand with the state."""
-    collected: dict[Expr, Expr] = {}
-    for term in sp.Add.make_args(expression):
-        state_function, parameter = sp.S.One, sp.S.One
-        for factor in sp.Mul.make_args(term):
-            atoms = terms.atoms(factor)
-            if atoms.isdisjoint(parameters.uncertain) and not factor.is_Number:
-                state_function *= factor
-            elif atoms <= parameters.all:
-                parameter *= factor
-            else:
-                raise NotSeparable(factor)
-        collected[state_function] = collected.get(state_function, sp.S.Zero) + parameter
-    simple_first = sorted(collected, key=lambda f: (sp.count_ops(f), sp.default_sort_key(f)))
-    return [(f, collected[f]) for f in simple_first if not terms.is_zero(collected[f])]
-
-
-def _unmixed(expression: Expr, parameters: Parameters, terms: Terms) -> Expr:
-    """`expression` with those names resolved that stand for both state and uncertain parameters."""
-
-    def is_mixed(symbol: Symbol) -> bool:
-        atoms = terms.atoms(symbol)
-        return not atoms.isdisjoint(parameters.uncertain) and not atoms <= parameters.all
-
-    return terms.resolve(expression, is_mixed)
+def _simple_first(products: dict[Expr, Expr]) -> list[Product]:
+    """In an order in which short state functions come before long ones."""
+    return sorted(products.items(), key=lambda product: (sp.count_ops(product[0]), sp.default_sort_key(product[0])))

@@ -68,7 +68,7 @@ def _describe_motion(choice: PseudoVelocities, robot: Robot, constraints: Constr
     """Whether [A; N] has full rank at a random configuration."""
     rates = [robot.rate(q) for q in robot.coordinates]
     rows = stacked([*constraints.rows.values(), *choice.values()], rates)
-    return Terms().point(0).rank(rows) == len(rates)
+    return Terms().rank(rows) == len(rates)
 
 
 def _choices(robot: Robot, constraints: Constraints, wanted: int) -> Iterator[PseudoVelocities]:

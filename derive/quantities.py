@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
 from derive.derivation import Derivation
-from derive.units import Unit, parse_unit, unit_text
+from derive.units import Units, UnknownUnit, parse_unit, product
 
 
 @dataclass(frozen=True)
@@ -40,16 +41,10 @@ class Quantity:
 
 def arguments_of(derivation: Derivation) -> dict[str, Argument]:
     """The arguments by name."""
-    d, units = derivation, symbol_units(derivation)
-    declared = {symbol: d.robot.units[symbol.name] for symbol in (*d.robot.coordinates, *d.robot.parameters)}
-    for v, form in d.kinematics.pseudo_velocities.items():
-        turning = all(d.robot.units[q.name] == "rad" for q in d.kinematics.q if d.robot.rate(q) in form)
-        if turning and unit_text(v, units) == "1/s":
-            declared[v] = "rad/s"
+    d, units = derivation, units_of(derivation)
 
     def argument(name: str, meaning: str, entries: tuple[Symbol, ...]) -> Argument:
-        texts = (declared.get(entry) or unit_text(entry, units) for entry in entries)
-        return Argument(name, meaning, entries, tuple(texts))
+        return Argument(name, meaning, entries, tuple(unit_text(entry, units, d) for entry in entries))
 
     return {
         one.name: one
@@ -66,33 +61,43 @@ def arguments_of(derivation: Derivation) -> dict[str, Argument]:
     }
 
 
-def symbol_units(derivation: Derivation) -> dict[Symbol, Unit]:
+def units_of(derivation: Derivation) -> Units:
     """The units of all symbols, as far as they are declared or follow."""
     d, robot = derivation, derivation.robot
-    texts = {symbol: robot.units[symbol.name] for symbol in (*robot.coordinates, *robot.parameters)}
-    units = {symbol: parse_unit(text) for symbol, text in texts.items()}
+    declared = {s: parse_unit(robot.units[s.name]) for s in (*robot.coordinates, *robot.parameters)}
+    units = Units(declared, d.terms.definitions)
     for q in robot.coordinates:
-        units[robot.rate(q)] = parse_unit(f"{texts[q]}/s")
-    for v, form in d.kinematics.pseudo_velocities.items():
-        text = unit_text(sum((c * rate for rate, c in form.items()), sp.S.Zero), units)
-        if text != "?":
-            units[v] = parse_unit(text)
-    for v, load, a in zip(d.kinematics.v, d.dynamics.loads, d.adaptive.accelerations, strict=True):
-        if v in units:
-            units[load] = parse_unit("W" if not units[v] else f"W/{_inline(units[v])}")
-            units[a] = parse_unit(f"{_inline(units[v])}/s")
+        units.declare(robot.rate(q), parse_unit(f"{robot.units[q.name]}/s"))
     for u in d.dynamics.inputs:
-        units[u] = parse_unit("V")
+        units.declare(u, parse_unit("V"))
+    for v, form in d.kinematics.pseudo_velocities.items():
+        velocity = units.text(sum((c * rate for rate, c in form.items()), sp.S.Zero))
+        if velocity == "?":
+            continue
+        unit = parse_unit(velocity)
+        place = d.kinematics.v.index(v)
+        units.declare(v, unit)
+        units.declare(d.dynamics.loads[place], product(parse_unit("W"), unit, -1))
+        units.declare(d.adaptive.accelerations[place], product(unit, parse_unit("s"), -1))
     for theta, expression in zip(d.adaptive.theta, d.adaptive.base_parameters, strict=True):
-        text = unit_text(sp.expand(d.terms.expand(expression)), units)
-        if text != "?":
-            units.setdefault(theta, parse_unit(text))
+        with suppress(UnknownUnit):
+            units.declare(theta, units.of(expression))
     return units
 
 
-def _inline(unit: Unit) -> str:
-    """A unit for use behind a stroke: `m/s` divides as `m/s` -> `/m` `s`."""
-    return " ".join(f"{name}^{exponent}" for name, exponent in sorted(unit.items())) or "1"
+def unit_text(expression: Expr, units: Units, derivation: Derivation) -> str:
+    """The unit as its reader expects it: declared ones as they were declared, angles in rad."""
+    d = derivation
+    if expression in (*d.robot.coordinates, *d.robot.parameters):
+        return d.robot.units[expression.name]
+    text = units.text(expression)
+    angles = {q for q in d.kinematics.q if d.robot.units[q.name] == "rad"}
+    if text == "1/s" and expression in d.kinematics.v:
+        form = d.kinematics.pseudo_velocities[expression]
+        return "rad/s" if form.keys() <= {d.robot.rate(q) for q in angles} else text
+    if text == "1" and expression.free_symbols and expression.free_symbols <= angles and expression.is_polynomial():
+        return "rad"
+    return text
 
 
 def quantities(derivation: Derivation) -> list[Quantity]:
@@ -188,9 +193,3 @@ class _Quantities:
             )
             pi = Matrix(len(form.inverse.base_parameters), 1, list(form.inverse.base_parameters))
             yield self.entry("inverse_base_parameters", "p", pi, "n_pi", "(14) inverted", "pi(p) of u = Y_u pi")
-
-
-def units_of(expressions: tuple[Expr, ...], derivation: Derivation) -> tuple[str, ...]:
-    """The units of functions of the parameters."""
-    units = symbol_units(derivation)
-    return tuple(unit_text(sp.expand(derivation.terms.expand(expression)), units) for expression in expressions)

@@ -9,6 +9,7 @@ from derive import description as toml
 from derive.declared_names import check_names
 from derive.exact import vanishes
 from derive.frame_tree import parents_first
+from derive.plausibility import Plausibility
 from derive.robot import Body, Frame, Motor, Point2, Robot, Wheel
 from derive.symbols import Reader, rational, symbol
 from wmr_input import closest
@@ -39,6 +40,15 @@ class _Resolver:
         self.q = {name: symbol(name) for name in told.coordinates}
         self.p = {name: symbol(name) for name in told.parameters}
         self.rates = {f"{name}_dot": symbol(f"{name}_dot") for name in told.coordinates}
+        defaults = {self.p[name]: rational(parameter.value) for name, parameter in told.parameters.items()}
+        self.plausible = Plausibility(
+            reader,
+            {
+                "coordinates": {self.q[name]: unit for name, unit in told.coordinates.items()},
+                "parameters": {self.p[name]: parameter.unit for name, parameter in told.parameters.items()},
+            },
+            defaults,
+        )
         self.frame_names = [frame.name for frame in told.frames]
         self.joints = [frame.name for frame in told.frames if frame.parent is not None]
 
@@ -52,7 +62,7 @@ class _Resolver:
             units=dict(told.coordinates) | {name: parameter.unit for name, parameter in parameters.items()},
             coordinates=tuple(self.q.values()),
             parameters=tuple(self.p.values()),
-            defaults={self.p[name]: rational(parameter.value) for name, parameter in parameters.items()},
+            defaults=dict(self.plausible.defaults),
             about={name: parameter.about for name, parameter in parameters.items()},
             known=frozenset(self.known(name) for name in told.known),
             frames=frames,
@@ -80,27 +90,26 @@ class _Resolver:
     def frame(self, frame: toml.Frame) -> Frame:
         place = f"[[frames]] {frame.name!r}"
         if frame.position is not None:
-            x, y = (self.of_coordinates(text, f"{place} position") for text in frame.position)
-            return Frame(frame.name, None, (x, y), self.of_coordinates(frame.heading or "0", f"{place} heading"))
-        angle = self.of_coordinates(frame.angle or "0", f"{place} angle")
+            x, y = (self.of_coordinates(text, f"{place} position", "m") for text in frame.position)
+            return Frame(frame.name, None, (x, y), self.of_coordinates(frame.heading or "0", f"{place} heading", "rad"))
+        angle = self.of_coordinates(frame.angle or "0", f"{place} angle", "rad")
         return Frame(frame.name, frame.parent, self.point(frame.at or [], f"{place} at"), angle)
 
     def body(self, body: toml.Body | toml.Wheel, place: str) -> Body:
         return Body(
             self.existing_frame(body.frame, f"{place} frame"),
             self.point(body.at, f"{place} at"),
-            self.of_parameters(body.mass, f"{place} mass"),
-            self.of_parameters(body.inertia, f"{place} inertia"),
+            self.not_negative(body.mass, f"{place} mass", "kg"),
+            self.not_negative(body.inertia, f"{place} inertia", "kg m^2"),
         )
 
     def wheel(self, wheel: toml.Wheel, place: str) -> Wheel:
-        radius = self.of_parameters(wheel.radius, f"{place} radius")
-        if vanishes(radius):
-            raise self.reader.mistake(f"{place} radius", "is zero", "give the wheel's radius")
+        radius = self.of_parameters(wheel.radius, f"{place} radius", "m")
+        self.plausible.is_positive(radius, f"{place} radius")
         roller = None
         if wheel.roller_angle is not None:
-            roller = self.of_parameters(wheel.roller_angle, f"{place} roller_angle")
-            if vanishes(sp.cos(roller)):
+            roller = self.of_parameters(wheel.roller_angle, f"{place} roller_angle", "rad")
+            if abs(self.plausible.value(sp.cos(roller), f"{place} roller_angle")) < 1e-9:
                 raise self.reader.mistake(
                     f"{place} roller_angle",
                     "the rollers' axles lie along the wheel's axle, so it cannot drive",
@@ -110,9 +119,9 @@ class _Resolver:
             **vars(self.body(wheel, place)),
             name=wheel.name,
             radius=radius,
-            heading=self.of_parameters(wheel.heading, f"{place} heading"),
+            heading=self.of_parameters(wheel.heading, f"{place} heading", "rad"),
             roller_angle=roller,
-            spin_inertia=self.of_parameters(wheel.spin_inertia, f"{place} spin_inertia"),
+            spin_inertia=self.not_negative(wheel.spin_inertia, f"{place} spin_inertia", "kg m^2"),
         )
 
     def motor(self, motor: toml.Motor, place: str) -> Motor:
@@ -120,12 +129,14 @@ class _Resolver:
         if motor.drives not in drivable:
             problem = f"unknown wheel or jointed frame {motor.drives!r}"
             raise self.reader.mistake(f"{place} drives", problem, closest(motor.drives, drivable))
+        gain = self.of_parameters(motor.torque_gain, f"{place} torque_gain", "N m/V")
+        self.plausible.is_positive(gain, f"{place} torque_gain")
         return Motor(
             motor.input,
             None if motor.drives in self.joints else motor.drives,
             motor.drives if motor.drives in self.joints else None,
-            self.of_parameters(motor.torque_gain, f"{place} torque_gain"),
-            self.of_parameters(motor.back_emf, f"{place} back_emf"),
+            gain,
+            self.not_negative(motor.back_emf, f"{place} back_emf", "N m s/rad"),
         )
 
     def existing_frame(self, name: str, place: str) -> str:
@@ -134,14 +145,25 @@ class _Resolver:
         return name
 
     def point(self, texts: list[str], place: str) -> Point2:
-        x, y = (self.of_parameters(text, place) for text in texts)
+        x, y = (self.of_parameters(text, place, "m") for text in texts)
         return x, y
 
-    def of_parameters(self, text: str, place: str) -> Expr:
-        return self.reader.expression(text, self.p, place, "this place takes parameters only")
+    def of_parameters(self, text: str, place: str, unit: str) -> Expr:
+        expression = self.reader.expression(text, self.p, place, "this place takes parameters only")
+        self.plausible.has_unit(expression, unit, place)
+        self.plausible.value(expression, place)
+        return expression
 
-    def of_coordinates(self, text: str, place: str) -> Expr:
-        return self.reader.expression(text, {**self.q, **self.p}, place)
+    def not_negative(self, text: str, place: str, unit: str) -> Expr:
+        expression = self.of_parameters(text, place, unit)
+        self.plausible.is_not_negative(expression, place)
+        return expression
+
+    def of_coordinates(self, text: str, place: str, unit: str | None = None) -> Expr:
+        expression = self.reader.expression(text, {**self.q, **self.p}, place)
+        if unit is not None:
+            self.plausible.has_unit(expression, unit, place)
+        return expression
 
     def of_rates(self, text: str, place: str) -> dict[Symbol, Expr]:
         expression = self.reader.expression(text, {**self.q, **self.p, **self.rates}, place)

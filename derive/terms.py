@@ -8,9 +8,10 @@ same names. Expressions therefore grow with the number of frames, not with the d
 from collections.abc import Callable, Iterable, Mapping
 
 import sympy as sp
-from sympy import Expr, Symbol
+from sympy import Expr, Matrix, Symbol
 
-from derive.exact import Point, vanishes
+from derive.exact import TRIED_POINTS, NotRepresentable, Point, vanishes
+from derive.trigonometry import shortest
 
 
 def sorted_symbols(symbols: Iterable[Symbol]) -> list[Symbol]:
@@ -47,13 +48,32 @@ class Terms:
         self._names.add(text)
         return Symbol(text, real=True)
 
+    def simplified(self, expression: Expr) -> Expr:
+        """A short form, without symbols that only seem to matter: sin(a)^2 + cos(a)^2 has no a."""
+        if not expression.has(sp.Add):
+            return expression
+        for symbol in sorted_symbols(set().union(*(f.free_symbols for f in expression.atoms(sp.Function)), set())):
+            without = expression.xreplace({symbol: sp.S.Zero})
+            if not without.has(sp.zoo, sp.nan) and self.is_zero(expression - without):
+                expression = without
+        return shortest(expression)
+
     def is_zero(self, expression: Expr) -> bool:
         """Whether `expression` vanishes identically, decided by exact evaluation."""
         return vanishes(expression, self.definitions)
 
-    def point(self, seed: int) -> Point:
-        """A random point of an exact field at which expressions in these terms can be evaluated."""
-        return Point(seed, self.definitions)
+    def rank(self, matrix: Matrix, numbers: Mapping[Symbol, Expr] | None = None) -> int:
+        """The rank of `matrix` at almost every point, or at almost every point where symbols have given `numbers`.
+
+        Raises: NotRepresentable, where it has no value anywhere.
+        """
+        for seed in range(TRIED_POINTS):
+            try:
+                values = {symbol: Point(seed)(number) for symbol, number in (numbers or {}).items()}
+                return Point(seed, self.definitions, values).rank(matrix)
+            except NotRepresentable:
+                continue
+        raise NotRepresentable(matrix)
 
     def needed(self, expressions: Iterable[Expr]) -> dict[Symbol, Expr]:
         """The definitions that `expressions` rest on, in order of definition."""

@@ -4,12 +4,13 @@ import sympy as sp
 from sympy import Expr
 
 _LONGEST = 60  # operations; longer expressions are left to named terms
+_HIGHEST_MULTIPLE = 6  # of an angle
 _SEARCHED = 25  # operations; up to here SymPy's search among equivalent forms is cheap
 
 
 def normal_form(expression: Expr) -> Expr:
     """Expanded, sums of angles resolved, with sin^2 = 1 - cos^2 divided out; zero becomes 0."""
-    expanded = sp.expand(sp.expand_trig(expression))
+    expanded = sp.expand(without_sums_of_angles(expression))
 
     def reduced(power: Expr) -> Expr:
         sine, exponent = power.as_base_exp()
@@ -19,6 +20,13 @@ def normal_form(expression: Expr) -> Expr:
         lambda e: e.is_Pow and isinstance(e.base, sp.sin) and e.exp.is_Integer and e.exp >= 2, reduced
     )
     return expanded if even == expanded else sp.expand(even)
+
+
+def without_sums_of_angles(expression: Expr) -> Expr:
+    """Sums and multiples of angles resolved, but for high multiples, which would explode."""
+    angles = [function.args[0] for function in expression.atoms(sp.sin, sp.cos, sp.tan)]
+    coefficients = [term.as_coeff_Mul()[0] for angle in angles for term in sp.Add.make_args(angle)]
+    return expression if any(abs(c) > _HIGHEST_MULTIPLE for c in coefficients) else sp.expand_trig(expression)
 
 
 def shortest(expression: Expr) -> Expr:

@@ -67,19 +67,25 @@ def write(files: Files, out: Path) -> None:
 
     Raises: WmrError, where the folder cannot be written.
     """
-    try:
-        for name, text in files.items():
-            target = out / name
+    for name, text in files.items():
+        target = out / name
+        try:
             target.parent.mkdir(parents=True, exist_ok=True)
-            descriptor, temporary = tempfile.mkstemp(dir=target.parent, prefix=".", suffix=target.name)
-            with open(descriptor, "w", encoding="utf-8", newline="\n") as stream:
-                stream.write(text)
-            os.chmod(temporary, 0o644)
-            os.replace(temporary, target)
-    except OSError as error:
-        raise WmrError(
-            f"{error.filename or out}: cannot be written ({error.strerror}); name a writable folder"
-        ) from None
+            _replace(target, text)
+        except OSError as error:
+            raise WmrError(f"{target}: cannot be written ({error.strerror}); name a writable folder") from None
+
+
+def _replace(target: Path, text: str) -> None:
+    descriptor, temporary = tempfile.mkstemp(dir=target.parent, prefix=".")
+    try:
+        with open(descriptor, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, target)
+    except BaseException:
+        os.unlink(temporary)
+        raise
 
 
 def differences(files: Files, out: Path) -> str:

@@ -16,7 +16,7 @@ from wmr_input.errors import WmrError, closest
 LONGEST_TEXT = 2000  # characters; deeper or longer input is a mistake or an attack, never a robot
 HIGHEST_POWER = 64  # product of nested exponents, so that 9**9**9 costs nothing
 LONGEST_NUMBER = 40  # characters of one literal
-HIGHEST_EXPONENT = 300  # decimal exponent of one literal, the range of a double
+HIGHEST_EXPONENT = 300  # decimal exponent of one literal, within the range of a double
 
 
 class ExpressionError(WmrError):
@@ -106,7 +106,10 @@ class _Walk:
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
             raise ExpressionError(f"{_shown(literal)} is not a number", "write a decimal number or a declared name")
         if len(literal) > LONGEST_NUMBER or _decimal_exponent(literal) > HIGHEST_EXPONENT:
-            raise ExpressionError(f"number {_shown(literal)} is out of range", "stay within a double's range")
+            raise ExpressionError(
+                f"number {_shown(literal)} is out of range",
+                f"use at most {LONGEST_NUMBER} digits and exponents up to {HIGHEST_EXPONENT}",
+            )
         return Fraction(node.value) if isinstance(node.value, int) else Fraction(literal.replace("_", ""))
 
     def exponent(self, node: ast.expr) -> Fraction:

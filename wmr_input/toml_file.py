@@ -18,7 +18,7 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
     Raises: InputError, with one line a mistake.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(str(path), "", "no such file", "check the path") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -92,6 +92,10 @@ def _explained(error: ErrorDetails, schema: type[BaseModel]) -> tuple[str, str]:
     if kind == "value_error":
         problem, _, remedy = str(context["error"]).partition("; ")
         return problem, remedy
+    if kind == "string_too_short":
+        return "is empty", "write an expression or a name"
+    if kind == "string_too_long":
+        return "is too long", f"use at most {context['max_length']} characters"
     if kind in ("too_short", "too_long"):
         bound = context.get("min_length", context.get("max_length"))
         return f"has {context.get('actual_length')} entries", f"give {bound}"

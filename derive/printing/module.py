@@ -14,7 +14,16 @@ from derive.printing.statements import Statements, statements
 from derive.quantities import Argument, Quantity
 from derive.terms import Terms
 
-FUNCTIONS = ("cos", "exp", "pi", "sin", "sqrt", "tan")  # what expressions may call, by the same name in both libraries
+FUNCTIONS = (
+    "cos",
+    "exp",
+    "fabs",
+    "pi",
+    "sign",
+    "sin",
+    "sqrt",
+    "tan",
+)  # what expressions may call, by the same name in both libraries
 _HELPERS = ("np", "math", "functools", "SX", "Function", "out")
 
 

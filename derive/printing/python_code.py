@@ -37,6 +37,12 @@ class PythonCode(StrPrinter):  # type: ignore[misc]
             return f"({self._print(base ** (exponent - sp.S.Half))})*sqrt({self._print(base)})"
         return super()._print_Pow(expr, rational=False)
 
+    def _print_Exp1(self, expr: sp.Expr) -> str:
+        return "exp(1)"
+
+    def _print_Abs(self, expr: sp.Expr) -> str:
+        return f"fabs({self._print(expr.args[0])})"
+
     def _print_Pi(self, expr: sp.Expr) -> str:
         return "pi"
 

@@ -1,5 +1,6 @@
 """Filling the templates beside this module."""
 
+import json
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -11,6 +12,19 @@ _ENVIRONMENT = Environment(  # the output is code and Markdown, not HTML: nothin
     lstrip_blocks=True,
     autoescape=False,  # noqa: S701
 )
+
+
+def _literal(value: object) -> str:
+    """A Python literal, texts in double quotes."""
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _docstring(text: str) -> str:
+    """Text that can stand inside a docstring."""
+    return text.replace("\\", "\\\\").replace('"', '\\"') if "\\" in text or '"""' in text else text
+
+
+_ENVIRONMENT.filters |= {"literal": _literal, "docstring": _docstring}
 
 
 def render(template: str, **context: Any) -> str:

@@ -33,7 +33,7 @@ def _batches_agree(s: Situation) -> float:
         given = [s.arguments[argument] for argument in function.name_in()]
         singles = np.array([term(*row) for row in zip(*given, strict=True)])
         worst = max(worst, relative(term(*given), singles))
-        square = term(*(array[:4].reshape(2, 2, -1) for array in given))
+        square = term(*(array[:4].reshape(2, 2, array.shape[1]) for array in given))
         worst = max(worst, relative(square, singles[:4].reshape(2, 2, *singles.shape[1:])))
         for shape in ((0,), (3, 0)):
             empty = term(*(np.zeros((*shape, array.shape[1])) for array in given))

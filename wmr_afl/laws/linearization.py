@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wmr_afl.arrays import NUMPY
-from wmr_afl.laws.law import Law, Numbers, Situation, relative, times
+from wmr_afl.laws.law import Law, Numbers, Situation, relative, times, transposed
 from wmr_afl.linear_algebra import least_norm
 from wmr_input import Algebra, evaluate
 
@@ -66,10 +66,10 @@ def _known_parameters(s: Situation) -> float:
 
 
 def _determinant(s: Situation) -> float:
-    """det D, or for more motors than outputs det(J_h S), equals the reported product."""
+    """det D, or for more motors than outputs det(D D^T), equals the reported product."""
     matrix = s.numpy.decoupling_matrix(s.x, s.theta, s.c)
-    if matrix.shape[-2] != matrix.shape[-1]:
-        matrix = _output_map(s)
+    if s.numpy.findings["determinant_of"] == "D D^T":
+        matrix = matrix @ transposed(matrix)
     names = [*s.numpy.state_units, *s.numpy.known_units, *s.numpy.base_parameter_units]
     columns = np.hstack([s.x, s.c, s.theta]).T
     text = s.numpy.findings["det_decoupling_matrix"]

@@ -1,0 +1,68 @@
+"""The determinant of the decoupling matrix, factored, and the set where it vanishes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy as sp
+from sympy import Expr, Matrix
+
+from derive.derivation import Derivation
+from derive.trigonometry import factored
+
+_LONGEST = 300  # operations; longer determinants are left as they are
+
+
+@dataclass(frozen=True)
+class Determinant:
+    """det D = det(J_h S) det(G); with more motors than outputs det(D D^T) = det(J_h S)^2 det(G G^T)."""
+
+    is_square: bool
+    output_map: Expr  # det(J_h S), of the configuration and the known constants
+    gain: Expr  # det(G) or det(G G^T), of state and base parameters
+    actuation: Expr  # det(Bbar K1), or of its product with its transpose: where the motors do not reach every motion
+
+    @property
+    def product(self) -> Expr:
+        output_map = self.output_map if self.is_square else self.output_map**2
+        return sp.factor_terms(output_map * self.gain)
+
+    @property
+    def singular_where(self) -> list[str]:
+        """Conditions, one for each factor that can vanish."""
+        numerators = [self.output_map, sp.fraction(self.gain)[0], self.actuation]
+        factors = [factor.as_base_exp()[0] for e in numerators for factor in sp.Mul.make_args(e)]
+        state_or_theta = [factor for factor in factors if not factor.is_number and not isinstance(factor, sp.exp)]
+        return [f"{factor} = 0" for factor in dict.fromkeys(state_or_theta)]
+
+
+def determinant(derivation: Derivation) -> Determinant:
+    """det D of a robot in base parameters."""
+    d, terms = derivation, derivation.terms
+    output_map = factored(_determinant(d.linearization.output_map.applyfunc(terms.expand)))
+    form, reach = d.adaptive, d.dynamics.input_matrix
+    is_square = form.gain.rows == form.gain.cols
+    if form.inverse is not None and form.kind == "inverse":  # G = N^-1, and N is shorter
+        effort = Matrix.hstack(*(slope * Matrix(form.theta) for slope in form.inverse.slopes))
+        gain = 1 / _factored(terms.expand(_determinant(effort)))
+    elif form.kind == "physical":
+        mass = _determinant(d.dynamics.inertia_matrix)
+        gain = terms.expand(_determinant(_squared(reach)) / (mass if is_square else mass**2))
+    else:
+        gain = _factored(terms.expand(_determinant(_squared(form.gain))))
+    moving = _factored(terms.expand(_determinant(_squared(reach))))
+    coordinates = set(d.kinematics.q)
+    actuation = sp.Mul(*(f for f in sp.Mul.make_args(moving) if not f.free_symbols.isdisjoint(coordinates)))
+    return Determinant(is_square, output_map, gain, actuation if form.kind != "forward" else sp.S.One)
+
+
+def _squared(matrix: Matrix) -> Matrix:
+    return matrix if matrix.rows == matrix.cols else matrix * matrix.T
+
+
+def _determinant(matrix: Matrix) -> Expr:
+    return matrix.det(method="berkowitz")
+
+
+def _factored(expression: Expr) -> Expr:
+    return factored(expression) if sp.count_ops(expression) <= _LONGEST else expression

@@ -51,14 +51,14 @@ def generate_one(path: Path, progress: Progress = lambda step: None) -> Files:
         progress(dialect.file)
         files[dialect.file] = print_module(functions, derivation.terms, metadata, dialect)
     progress("report")
-    files["model.json"] = _print_json(metadata, path)
+    files["model.json"] = _print_json(metadata, [one.name for one in functions], path)
     files["derivation.md"] = print_report(derivation, metadata, functions)
     return files
 
 
-def _print_json(metadata: Metadata, path: Path) -> str:
+def _print_json(metadata: Metadata, functions: list[str], path: Path) -> str:
     digest = hashlib.sha256(path.read_text(encoding="utf-8").encode()).hexdigest()
-    content = {"sympy": sp.__version__, "description_sha256": digest, **vars(metadata)}
+    content = {"sympy": sp.__version__, "description_sha256": digest, "functions": functions, **vars(metadata)}
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 

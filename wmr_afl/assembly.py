@@ -38,7 +38,21 @@ class _Assembly:
             self.model = self._model(self.experiment.robot)
         with self.at("[parameters]"):
             self.parameters = self.model.parameters(**self.experiment.parameters)
+            self._check_parameters()
         self.reference = self._reference(self.experiment.reference)
+
+    def _check_parameters(self) -> None:
+        """Physical parameters that no robot can have must not end in a strange run."""
+        model, p = self.model, self.parameters
+        states = list(model.state_units)
+        start = np.array([self.experiment.start.get(name, 0.0) for name in states[: model.coordinate_count]])
+        with np.errstate(all="ignore"):
+            theta, inertia = model.base_parameters(p), model.inertia_matrix(start, p)
+        given = ", ".join(f"{name} = {value:g}" for name, value in self.experiment.parameters.items()) or "the defaults"
+        if not np.all(np.isfinite(theta)):
+            raise WmrError(f"the base parameters are not finite with {given}; choose values that a robot can have")
+        if not np.all(np.isfinite(inertia)) or np.linalg.eigvalsh(inertia)[0] <= 0.0:
+            raise WmrError(f"the inertia matrix is not positive definite with {given}; choose positive masses")
 
     @contextmanager
     def at(self, place: str) -> Iterator[None]:
@@ -100,29 +114,37 @@ class _Assembly:
             return Reference(dict(zip(outputs, expressions, strict=True)))
 
     def _controller(self, name: str, table: ControllerTable) -> TrackingController:
-        model, place = self.model, f"[controllers.{name}]"
+        model = self.model
+
+        def place(key: str) -> str:
+            return self.experiment.place(name, key)
+
         outputs, thetas = len(model.output_units), list(model.base_parameter_units)
-        with self.at(f"{place} outer_loop"):
+        with self.at(place("outer_loop")):
             if table.outer_loop is None:
                 raise WmrError("is missing; add outer_loop = { b1 = ..., b2 = ... } here or under [shared]")
             outer_loop = OuterLoop(outputs, **table.outer_loop.model_dump())
-        with self.at(f"{place} estimate"):
+        with self.at(place("estimate")):
             if table.estimate == "exact":
                 estimate = model.base_parameters(self.parameters)
             else:
                 estimate = by_name("base parameter", table.estimate, thetas)
         adaptation = None
         if table.adaptation is not None:
-            with self.at(f"{place} adaptation"):
+            with self.at(place("adaptation")):
                 gain = table.adaptation.gain
                 adaptation = GradientAdaptation(
                     len(thetas), by_name("base parameter", gain, thetas) if isinstance(gain, dict) else gain
                 )
-        with self.at(f"{place} projection"):
+        with self.at(place("projection")):
+            if adaptation is None and "projection" in self.experiment.controllers[name].model_fields_set:
+                raise WmrError("bounds estimates that nothing adapts; add adaptation, or leave it out")
             projection = self._projection(table, thetas)
-        with self.at(f"{place} input_weights"):
+            if adaptation is not None:
+                projection.check(estimate, thetas)
+        with self.at(place("input_weights")):
             law = LinearizingLaw(len(model.input_units), table.input_weights)
-        with self.at(place):
+        with self.at(f"[controllers.{name}]"):
             known = model.known(self.parameters)
             return TrackingController(model, known, estimate, outer_loop, law, adaptation, projection)
 

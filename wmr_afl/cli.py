@@ -5,11 +5,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
@@ -23,7 +25,6 @@ from wmr_afl.run import Run
 
 app = typer.Typer(
     name="wmr-afl",
-    help="Adaptive feedback linearizing control of wheeled mobile robots: look at models, derive new ones, simulate.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -48,6 +49,21 @@ def _reporting() -> Iterator[None]:
         raise typer.Exit(2) from None
 
 
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"wmr-afl {version('wmr-afl')}")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell the version.")
+    ] = False,
+) -> None:
+    """Adaptive feedback linearizing control of wheeled mobile robots: look at models, derive new ones, simulate."""
+
+
 @app.command()
 def models() -> None:
     """List the shipped models."""
@@ -55,7 +71,7 @@ def models() -> None:
     for name in list_models():
         model = load_model(name)
         count = f"{len(model.base_parameter_units)}, {model.parametrization}"
-        table.add_row(name, model.title, model.findings["type"], count, ", ".join(model.output_units))
+        table.add_row(name, escape(model.title), model.findings["type"], count, ", ".join(model.output_units))
     _console.print(table)
     _console.print(f"experiments: {', '.join(list_experiments())}", highlight=False)
 
@@ -82,18 +98,19 @@ def simulate(
 ) -> None:
     """Run an experiment; write its samples, metrics and figures; exit with 1 where a run failed."""
     from wmr_afl import plots
-    from wmr_afl.experiment import read_experiment
-    from wmr_afl.results import file_name, write_results
+    from wmr_afl.experiment import file_name, read_experiment
+    from wmr_afl.results import check_writable, write_results
 
     with _reporting():
         told, path = read_experiment(experiment)
+        check_writable(out / path.stem)
         runs = _run_with_progress(experiment, backend, controller)
         folder = out / path.stem
         files = write_results(runs, folder)
         for name, figure in plots.overview(runs, told.title).items():
             files += plots.save(figure, folder / file_name(name))
     _print_metrics(told.title, runs)
-    _console.print(f"{len(files)} files in {folder}", highlight=False)
+    _console.print(escape(f"{len(files)} files in {folder}"), highlight=False)
     if any(run.failure for run in runs.values()):
         raise typer.Exit(1)
 
@@ -108,13 +125,14 @@ def reproduce(
     from wmr_afl import plots
     from wmr_afl.experiment import read_experiment
     from wmr_afl.figures import FIGURES, draw
-    from wmr_afl.results import write_results
+    from wmr_afl.results import check_writable, write_results
 
     with _reporting():
         wanted = figures or list(FIGURES)
         for name in wanted:
             if name not in FIGURES:
                 raise UnknownNameError("figure", name, FIGURES)
+        check_writable(out)
         for experiment in dict.fromkeys(FIGURES[name].experiment for name in wanted):
             runs = _run_with_progress(experiment, backend, None)
             write_results(runs, out / experiment)
@@ -122,7 +140,7 @@ def reproduce(
             for name in wanted:
                 if FIGURES[name].experiment == experiment:
                     png, svg = plots.save(draw(name, runs), out / name)
-                    _console.print(f"{name}: {png}, {svg}", highlight=False)
+                    _console.print(escape(f"{name}: {png}, {svg}"), highlight=False)
 
 
 def _run_with_progress(experiment: str, backend: str, controllers: list[str] | None) -> dict[str, Run]:
@@ -140,7 +158,7 @@ def _run_with_progress(experiment: str, backend: str, controllers: list[str] | N
 
         def tell(controller: str, done: int, total: int) -> None:
             if controller not in tasks:
-                tasks[controller] = progress.add_task(f"{experiment}: {controller}", total=total)
+                tasks[controller] = progress.add_task(escape(f"{experiment}: {controller}"), total=total)
             progress.update(tasks[controller], completed=done)
 
         return run(experiment, backend, controllers, tell)
@@ -148,13 +166,19 @@ def _run_with_progress(experiment: str, backend: str, controllers: list[str] | N
 
 def _print_metrics(title: str, runs: dict[str, Run]) -> None:
     table = Table(
-        "controller", "RMS error", "RMS error, settled", "largest input", "", title=title, title_justify="left"
+        "controller", "RMS error", "RMS error, settled", "largest input", "", title=escape(title), title_justify="left"
     )
     for name, run in runs.items():
         found = metrics(run)
         settled = f"{_row(found['rms_settled'])} (since {found['settled_since']:g} s)" if "rms" in found else "-"
         largest = f"{max(found.get('largest_input', [0.0])):.3g} V"
-        table.add_row(name, _row(found["rms"]) if "rms" in found else "-", settled, largest, found["failure"] or "")
+        table.add_row(
+            escape(name),
+            _row(found["rms"]) if "rms" in found else "-",
+            settled,
+            largest,
+            escape(found["failure"] or ""),
+        )
     _console.print(table)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from wmr_input import InputError, WmrError, closest
+from wmr_input import InputError, WmrError, nearest
 
 __all__ = ["InputError", "MissingTermError", "ShapeError", "SimulationError", "UnknownNameError", "WmrError"]
 
@@ -17,9 +17,9 @@ class UnknownNameError(WmrError, LookupError):
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         names = list(known)
         listed = ", ".join(names) if names else "none"
-        remedy = closest(name, names)
-        hint = f"; {remedy}" if remedy.startswith("did") else ""
-        super().__init__(f"unknown {kind} {name!r}{hint}; there is {listed}")
+        near = nearest(str(name), names)
+        remedy = f"there is {listed}" if near is None else f"did you mean {near!r}? (there is {listed})"
+        super().__init__(f"unknown {kind} {name!r}; {remedy}")
 
 
 class MissingTermError(WmrError, AttributeError):

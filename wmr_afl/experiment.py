@@ -2,22 +2,59 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+    model_validator,
+)
 
 from wmr_afl.errors import InputError, UnknownNameError
 from wmr_input import read_toml
 
+MOST_SAMPLES = 5_000_000  # of one run; its signals still fit into the memory of a small machine
+
+
+def _either(what: str) -> WrapValidator:
+    """Where a value may be of several kinds, one line says which, instead of one line a kind."""
+
+    def told(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return validate(value)
+        except ValidationError:
+            shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
+            raise ValueError(f"{shown} does not fit; expected {what}") from None
+
+    return WrapValidator(told)
+
+
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
-Numbers = Number | list[Number]
-Named = Number | list[Number] | dict[str, Number]  # one for all, all in order, or by name
+Numbers = Annotated[Number | list[Number], _either("a finite number, or a list of them")]
+ByName = Annotated[Number | dict[str, Number], _either("a finite number, or a table name = number")]
+Named = Annotated[
+    Number | list[Number] | dict[str, Number],
+    _either("a finite number, a list of them, or a table name = number"),
+]
+Estimate = Annotated[
+    Literal["exact"] | Number | list[Number] | dict[str, Number],
+    _either('"exact", a finite number, a list of them, or a table name = number'),
+]
+Gain = Annotated[
+    Number | list[Number] | list[list[Number]] | dict[str, Number],
+    _either("a finite number, a list of them, a square matrix, or a table name = number"),
+]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class Circle(_Table):
@@ -42,6 +79,12 @@ class Line(_Table):
     start: list[Number]
     velocity: list[Number]
 
+    @model_validator(mode="after")
+    def _same_length(self) -> Line:
+        if len(self.start) != len(self.velocity):
+            raise ValueError(f"{len(self.start)} entries of start, {len(self.velocity)} of velocity; give as many")
+        return self
+
 
 class ReferenceTable(_Table):
     """One kind of trajectory: named, or an expression of time `t` for every output."""
@@ -65,6 +108,15 @@ class SimulationTable(_Table):
     sample_time: Positive
     integrator: Literal["euler", "rk4"] = "euler"
 
+    @model_validator(mode="after")
+    def _samples(self) -> SimulationTable:
+        if self.sample_time > self.duration:
+            raise ValueError("sample_time exceeds duration; choose a shorter sample or a longer run")
+        if self.duration / self.sample_time > MOST_SAMPLES:
+            count = self.duration / self.sample_time
+            raise ValueError(f"{count:.3g} samples are too many; stay within {MOST_SAMPLES}")
+        return self
+
 
 class OuterLoopTable(_Table):
     """(27), (34)"""
@@ -77,21 +129,21 @@ class OuterLoopTable(_Table):
 class AdaptationTable(_Table):
     """(25)"""
 
-    gain: Number | list[Number] | list[list[Number]] | dict[str, Number]
+    gain: Gain
 
 
 class ProjectionTable(_Table):
     """Remark 7; a plain number bounds the estimates that enter det Dhat, names bound those named."""
 
-    lower: Number | dict[str, Number] | None = None
-    upper: Number | dict[str, Number] | None = None
+    lower: ByName | None = None
+    upper: ByName | None = None
 
 
 class ControllerTable(_Table):
     """The linearizing law; adaptive where `adaptation` is given."""
 
     outer_loop: OuterLoopTable | None = None
-    estimate: Literal["exact"] | Named = "exact"
+    estimate: Estimate = "exact"
     adaptation: AdaptationTable | None = None
     projection: ProjectionTable | None = None
     input_weights: Numbers = 1.0
@@ -131,10 +183,32 @@ class Experiment(_Table):
     shared: ControllerTable = ControllerTable()
     controllers: Annotated[dict[str, ControllerTable], Field(min_length=1)]
 
+    @model_validator(mode="after")
+    def _names_of_controllers(self) -> Experiment:
+        """Controllers name files and lines of plots."""
+        seen: dict[str, str] = {}
+        for name in self.controllers:
+            if not name.strip() or len(name) > 60 or not name.isprintable():
+                raise ValueError(f"controller {name[:60]!r} is no good name; use one to 60 printable characters")
+            other = seen.setdefault(file_name(name).lower(), name)
+            if other != name:
+                raise ValueError(f"controllers {other!r} and {name!r} would share files; rename one of them")
+        return self
+
+    def place(self, controller: str, key: str) -> str:
+        """Where a key of a controller stands in the file: in its own table or under [shared]."""
+        own = key in self.controllers[controller].model_fields_set or key not in self.shared.model_fields_set
+        return f"[controllers.{controller}] {key}" if own else f"[shared] {key}"
+
     def controller(self, name: str) -> ControllerTable:
         """A controller's table, completed by what stands under [shared]."""
         table = self.controllers[name]
         return self.shared.model_copy(update={key: getattr(table, key) for key in table.model_fields_set})
+
+
+def file_name(name: str) -> str:
+    """A controller's name as part of a file name."""
+    return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)
 
 
 _SHIPPED = Path(__file__).parent / "experiments"
@@ -151,7 +225,7 @@ def find_experiment(name: str | Path) -> Path:
     Raises: UnknownNameError.
     """
     path = Path(name)
-    if path.is_file():
+    if os.path.isfile(path):  # unlike Path.is_file, no error where the name is too long
         return path
     if str(name) in list_experiments():
         return _SHIPPED / f"{name}.toml"

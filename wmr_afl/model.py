@@ -10,7 +10,7 @@ from casadi import DM, MX, SX
 from numpy.typing import ArrayLike, NDArray
 
 from wmr_afl.errors import MissingTermError, ShapeError, UnknownNameError
-from wmr_afl.model_files import import_module, model_folder, read_metadata
+from wmr_afl.model_files import check_module, import_module, model_folder, read_metadata
 
 TERMS = (
     "constraint_matrix",
@@ -43,8 +43,6 @@ def load_model(name: str | Path, backend: Backend = "numpy") -> Model:
 
     Raises: UnknownNameError, where there is neither; InputError, where a file of the folder is missing or damaged.
     """
-    if backend not in ("numpy", "casadi"):
-        raise UnknownNameError("backend", str(backend), ["numpy", "casadi"])
     return Model(model_folder(name), backend)
 
 
@@ -57,8 +55,11 @@ class Model:
     """
 
     def __init__(self, folder: Path, backend: Backend = "numpy") -> None:
-        metadata = read_metadata(folder)
-        self._module = import_module(folder / f"{backend}_model.py")
+        if backend not in ("numpy", "casadi"):
+            raise UnknownNameError("backend", str(backend), ["numpy", "casadi"])
+        metadata, code = read_metadata(folder), folder / f"{backend}_model.py"
+        self._module = import_module(code)
+        check_module(self._module, code, metadata)
         self.folder, self.metadata, self.backend = folder, metadata, backend
         self.name: str = metadata["name"]
         self.title: str = metadata["title"]
@@ -100,7 +101,11 @@ class Model:
                 raise ShapeError(f"parameter {name} is {value!r}; expected a number or an array of numbers") from None
             if not np.all(np.isfinite(values[name])):
                 raise ShapeError(f"parameter {name} is {value!r}; expected finite numbers")
-        return np.stack(np.broadcast_arrays(*values.values()), axis=-1).astype(float)
+        try:
+            return np.stack(np.broadcast_arrays(*values.values()), axis=-1).astype(float)
+        except ValueError:
+            shapes = ", ".join(f"{name} {np.shape(value)}" for name, value in values.items() if np.ndim(value))
+            raise ShapeError(f"batches of parameters do not fit each other: {shapes}") from None
 
     def known(self, p: ArrayLike) -> Vector:
         """c: the known constants, those entries of p that a controller may use, (n_c,)."""
@@ -194,7 +199,7 @@ class Model:
 
     def has(self, term: str) -> bool:
         """Whether the model has the term of this name."""
-        return hasattr(self._module, term)
+        return term in TERMS and hasattr(self._module, term)
 
     def _term(self, name: str, **arguments: Array) -> Array:
         function = getattr(self._module, name, None)

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import os
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from wmr_afl.errors import InputError, UnknownNameError, WmrError
+from wmr_afl.errors import InputError, UnknownNameError
 
-_NEEDED = ("name", "title", "state", "inputs", "outputs", "parameters", "defaults", "known", "findings")
+_NEEDED: dict[str, type] = {
+    "name": str,
+    "title": str,
+    "source": str,
+    "parametrization": str,
+    "functions": list,
+    **dict.fromkeys(("state", "inputs", "outputs", "parameters", "defaults", "about", "known"), dict),
+    **dict.fromkeys(("base_parameters", "base_parameter_formulas", "findings"), dict),
+}
 
 
 def list_models() -> list[str]:
@@ -24,11 +33,14 @@ def model_folder(name: str | Path) -> Path:
     Raises: UnknownNameError, where there is neither.
     """
     folder = Path(name)
-    if (folder / "model.json").is_file():
+    if os.path.isfile(folder / "model.json"):  # unlike Path.is_file, no error where the name is too long
         return folder
-    if str(name) not in list_models():
-        raise UnknownNameError("model or model folder", str(name), list_models())
-    return _shipped() / name
+    if str(name) in list_models():
+        return _shipped() / name
+    below = sorted(path.parent.as_posix() for path in folder.glob("*/model.json")) if os.path.isdir(folder) else []
+    if below:
+        raise InputError(str(folder), "", "holds several models", f"name one of {', '.join(below)}")
+    raise UnknownNameError("model or model folder", str(name), list_models())
 
 
 def import_module(path: Path) -> ModuleType:
@@ -57,15 +69,26 @@ def read_metadata(folder: Path) -> dict[str, Any]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(str(path), "", f"cannot be read ({error})", "derive the robot again") from None
-    missing = [key for key in _NEEDED if not isinstance(content, dict) or key not in content]
-    if missing:
-        raise InputError(str(path), missing[0], "is missing", "derive the robot again")
+    for key, kind in _NEEDED.items():
+        if not isinstance(content, dict) or not isinstance(content.get(key), kind):
+            raise InputError(str(path), key, "is missing or damaged", "derive the robot again")
     return content
+
+
+def check_module(module: ModuleType, path: Path, metadata: dict[str, Any]) -> None:
+    """A module must speak of the robot of its `model.json`, to the last function.
+
+    Raises: InputError.
+    """
+    for key in ("name", "parametrization", "state", "inputs", "outputs", "parameters", "known", "base_parameters"):
+        there, told = getattr(module, key.upper(), None), metadata[key]
+        if there != told or (isinstance(told, dict) and list(there or ()) != list(told)):
+            raise InputError(str(path), key.upper(), "is not that of model.json beside it", "derive the robot again")
+    missing = [name for name in metadata["functions"] if not hasattr(module, name)]
+    if missing:
+        raise InputError(str(path), "", f"has no {missing[0]}", "derive the robot again")
 
 
 def _shipped() -> Path:
     """The folder of the shipped models."""
-    specification = importlib.util.find_spec("generated")
-    if specification is None or not specification.submodule_search_locations:
-        raise WmrError("the package 'generated' is not installed; install wmr-afl again")
-    return Path(next(iter(specification.submodule_search_locations)))
+    return Path(__file__).resolve().parents[1] / "generated"

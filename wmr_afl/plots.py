@@ -74,11 +74,11 @@ def style_of(index: int) -> dict[str, Any]:
 
 def draw_path(axes: Axes, runs: Runs) -> None:
     """First against second output, with the reference."""
-    reference = next(iter(runs.values())).reference
+    reference = max(runs.values(), key=lambda run: len(run.time)).reference
     axes.plot(reference[:, 0], reference[:, 1], label="reference", **REFERENCE)
     for index, (name, run) in enumerate(runs.items()):
-        axes.plot(run.output[:, 0], run.output[:, 1], label=name, **style_of(index))
-        axes.plot(*run.output[0, :2], "o", color=COLOURS[index % len(COLOURS)], markersize=4)
+        axes.plot(run.output[:, 0], run.output[:, 1], label=verbatim(name), **style_of(index))
+        axes.plot(*run.output[:1, :2].T, "o", color=COLOURS[index % len(COLOURS)], markersize=4)
     names, units = _outputs(runs)
     axes.set(xlabel=f"{names[0]} [{units[0]}]", ylabel=f"{names[1]} [{units[1]}]", aspect="equal", adjustable="datalim")
     axes.legend(loc="best")
@@ -89,14 +89,14 @@ def draw_output(axes: Axes, runs: Runs, output: int) -> None:
     first = max(runs.values(), key=lambda run: len(run.time))
     axes.plot(first.time, first.reference[:, output], label="reference", **REFERENCE)
     for index, (name, run) in enumerate(runs.items()):
-        axes.plot(run.time, run.output[:, output], label=name, **style_of(index))
+        axes.plot(run.time, run.output[:, output], label=verbatim(name), **style_of(index))
     _over_time(axes, runs, output, "")
 
 
 def draw_error(axes: Axes, runs: Runs, output: int) -> None:
     """One output's tracking error over time."""
     for index, (name, run) in enumerate(runs.items()):
-        axes.plot(run.time, run.error[:, output], label=name, **style_of(index))
+        axes.plot(run.time, run.error[:, output], label=verbatim(name), **style_of(index))
     _over_time(axes, runs, output, "error of ")
 
 
@@ -141,15 +141,20 @@ def overview(runs: Runs, title: str) -> dict[str, Figure]:
             figures["inputs"].subplots(len(runs), 1, sharex=True, squeeze=False)[:, 0], runs.items(), strict=True
         ):
             draw_inputs(axes, run)
-            axes.set_title(name, loc="left", fontsize=9)
+            axes.set_title(verbatim(name), loc="left", fontsize=9)
             axes.label_outer()
         for name, run in runs.items():
-            if len(run.estimate) and np.ptp(run.estimate, axis=0).any():
+            if run.estimate.size and np.ptp(run.estimate, axis=0).any():
                 figures[f"estimates_{name}"] = new_figure(7.0, 3.2)
                 draw_estimates(figures[f"estimates_{name}"].subplots(), run)
         for figure in figures.values():
-            figure.suptitle(title, fontsize=10)
+            figure.suptitle(verbatim(title), fontsize=10)
     return figures
+
+
+def verbatim(text: str) -> str:
+    """A text that a person chose, safe from matplotlib's own markup: no mathematics, no hidden legend entry."""
+    return text.replace("$", r"\$").removeprefix("_") if text.strip("_") else "(" + text + ")"
 
 
 def _over_time(axes: Axes, runs: Runs, output: int, what: str) -> None:

@@ -73,6 +73,8 @@ class Reference:
     def over(self, times: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """yr, yr', yr'' at all `times` (T,), (T, n-m) each."""
         row = np.atleast_1d(np.asarray(times, dtype=float)).reshape(1, -1)
+        if not row.size:  # CasADi has no map over nothing
+            return (np.zeros((0, len(self.expressions))),) * 3
         position, velocity, acceleration = (part.full().T for part in self._function.map(row.shape[1])(row))
         return position, velocity, acceleration
 
@@ -88,5 +90,5 @@ def figure_eight(center: Sequence[float], radius: float, rate: float) -> list[st
 
 
 def line(start: Sequence[float], velocity: Sequence[float]) -> list[str]:
-    """From `start` at constant `velocity`."""
+    """From `start` at constant `velocity`, as many entries each."""
     return [f"{s!r} + {v!r}*t" for s, v in zip(start, velocity, strict=True)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from wmr_afl.errors import WmrError
+from wmr_afl.experiment import file_name
 from wmr_afl.run import Run
 
 
@@ -26,6 +28,16 @@ def metrics(run: Run) -> dict[str, Any]:
         found["rms_settled"] = _numbers(run.rms(since))
         found["largest_error_settled"] = _numbers(run.largest_error(since))
     return found
+
+
+def check_writable(folder: Path) -> None:
+    """Before long work: results must find their folder.
+
+    Raises: WmrError, where the folder cannot be written.
+    """
+    there = next(path for path in (folder, *folder.absolute().parents) if os.path.lexists(path))
+    if not os.path.isdir(there) or not os.access(there, os.W_OK | os.X_OK):
+        raise WmrError(f"{there}: cannot be written; name a writable folder")
 
 
 def write_results(runs: Mapping[str, Run], folder: Path) -> list[Path]:
@@ -56,11 +68,6 @@ def write_results(runs: Mapping[str, Run], folder: Path) -> list[Path]:
             f"{error.filename or folder}: cannot be written ({error.strerror}); name a writable folder"
         ) from None
     return files
-
-
-def file_name(name: str) -> str:
-    """A controller's name as part of a file name."""
-    return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)
 
 
 def _numbers(values: np.ndarray) -> list[float]:

@@ -24,7 +24,7 @@ class Failure:
         return f"stopped at t = {self.time:g} s: {self.cause}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """One robot under one controller; T samples, one row each. A run that failed holds what came before."""
 
@@ -37,6 +37,10 @@ class Run:
     estimate: Matrix  # (T, n_theta)
     reference: Matrix  # (T, n-m)
     failure: Failure | None = None
+
+    def __repr__(self) -> str:
+        end = str(self.failure) if self.failure else "complete"
+        return f"<Run of {self.model.name} under {self.controller}: {len(self.time)} samples, {end}>"
 
     @property
     def output(self) -> Matrix:
@@ -62,7 +66,8 @@ class Run:
             raise SimulationError(f"{self.controller} {self.failure}; ask for a window before that time")
         rows = (self.time >= since) & (self.time <= until)
         if not rows.any():
+            lasts = f"{self.time[-1]:g} s" if len(self.time) else "no sample"
             raise SimulationError(
-                f"no sample of {self.controller} between {since:g} s and {until:g} s; the run lasts {self.time[-1]:g} s"
+                f"no sample of {self.controller} between {since:g} s and {until:g} s; the run lasts {lasts}"
             )
         return self.error[rows]

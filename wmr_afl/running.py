@@ -17,7 +17,7 @@ Progress = Callable[[str, int, int], None]  # controller, samples done, of how m
 def run(
     experiment: str | Path,
     backend: str = "auto",
-    controllers: Iterable[str] | None = None,
+    controllers: Iterable[str] | str | None = None,
     progress: Progress = lambda controller, done, total: None,
 ) -> dict[str, Run]:
     """Runs every controller of an experiment, or those named, one after the other.
@@ -28,7 +28,9 @@ def run(
     """
     told, path = read_experiment(experiment)
     loops = assemble(told, path)
-    chosen = list(loops) if controllers is None else list(controllers)
+    chosen = (
+        list(loops) if controllers is None else [controllers] if isinstance(controllers, str) else list(controllers)
+    )
     for name in chosen:
         if name not in loops:
             raise UnknownNameError("controller", name, loops)

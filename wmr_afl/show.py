@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rich.console import RenderableType
+from rich.markup import escape
 from rich.table import Table
 
 from wmr_afl.model import Model
@@ -13,7 +14,8 @@ from wmr_afl.model import Model
 def describe(model: Model) -> Iterator[RenderableType]:
     """The findings of a model, part by part."""
     found = model.findings
-    yield f"[bold]{model.title}[/bold]  ({model.name}; geometry: {model.metadata['source']})"
+    source = model.metadata["source"]
+    yield f"[bold]{escape(model.title)}[/bold]  ({model.name}{'; geometry: ' if source else ''}{escape(source)})"
     facts = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     facts.add_column(style="dim")
     facts.add_column()
@@ -28,9 +30,9 @@ def describe(model: Model) -> Iterator[RenderableType]:
     facts.add_row("pseudo-velocities", "; ".join(f"{v} = {form}" for v, form in found["pseudo_velocities"].items()))
     facts.add_row("constraints", f"{len(found['constraint_rows'])}, {found['constraints']}")
     for row in found["constraint_rows"]:
-        facts.add_row("", row)
+        facts.add_row("", escape(row))
     for row in found["dropped_rows"]:
-        facts.add_row("", f"follows from these: {row}")
+        facts.add_row("", escape(f"follows from these: {row}"))
     facts.add_row("degree of nonholonomy", f"{found['degree_of_nonholonomy']} (growth of brackets {growth})")
     facts.add_row("controllable", "yes, in small time" if found["controllable"] else "no")
     facts.add_row(
@@ -62,10 +64,12 @@ def describe(model: Model) -> Iterator[RenderableType]:
     for (name, unit), value in zip(model.base_parameter_units.items(), theta, strict=True):
         base.add_row(name, model.base_parameter_formulas[name], unit, f"{value:.6g}")
     yield base
-    physical = Table("parameter", "default", "unit", "", "meaning", box=None, header_style="bold")
+    physical = Table("parameter", "default", "unit", "to the controller", "meaning", box=None, header_style="bold")
     for name, unit in model.parameter_units.items():
         role = "known" if name in model.known_units else "uncertain"
-        physical.add_row(name, f"{model.metadata['defaults'][name]:g}", unit, role, model.metadata["about"][name])
+        physical.add_row(
+            name, f"{model.metadata['defaults'][name]:g}", unit, role, escape(model.metadata["about"][name])
+        )
     yield physical
 
 

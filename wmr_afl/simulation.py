@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.closed_loop import ClosedLoop, Layout
-from wmr_afl.errors import UnknownNameError
+from wmr_afl.errors import SimulationError, UnknownNameError
 from wmr_afl.language import Language
 from wmr_afl.run import Failure, Run
 
@@ -33,7 +33,10 @@ def simulate(
 
     A singular Dhat or a state that is not finite ends the run: it keeps what was computed up to there, names time and
     cause in `failure`, and a SimulationWarning is given.
+    Raises: SimulationError, where the run is shorter than a sample; UnknownNameError, where there is no such backend.
     """
+    if loop.sample_time > duration:
+        raise SimulationError(f"a sample of {loop.sample_time:g} s is longer than the run of {duration:g} s")
     count = round(duration / loop.sample_time) + 1
     times = np.asarray(np.arange(count) * loop.sample_time, dtype=np.float64)
     noise = loop.plant.noise.samples(count) if loop.plant.noise else np.zeros((count, len(loop.states["x"])))
@@ -71,14 +74,20 @@ def _failure(block: Rows, times: Rows, signals: Layout) -> Failure | None:
     if not len(bad):
         return None
     k = int(bad[0])
-    state, others = block[k, signals.places["x"]], block[k, signals.places["theta_hat"]]
-    if not np.isfinite(state).all():
-        cause = "the state is not finite"
-    elif not np.isfinite(others).all():
-        cause = "the estimate is not finite"
-    else:
-        cause = f"the estimated decoupling matrix is singular (regularity {regularity[k]:.1e}); bound the estimates"
-    return Failure(float(times[k]), cause)
+    for signal, cause in _CAUSES.items():  # from cause to effect
+        value = block[k, signals.places[signal]]
+        if not np.isfinite(value).all() or (signal == "regularity" and value[0] < SINGULAR):
+            return Failure(float(times[k]), cause.format(*value))
+    return Failure(float(times[k]), "a signal is not finite")
+
+
+_CAUSES = {
+    "x": "the state is not finite",
+    "theta_hat": "the estimate is not finite",
+    "e": "the reference or the output is not finite there",
+    "regularity": "the estimated decoupling matrix is singular (regularity {0:.1e}); bound the estimates",
+    "u": "the input is not finite",
+}
 
 
 Stepper = Callable[[ClosedLoop, Rows, Rows, Layout], Iterator[Rows]]

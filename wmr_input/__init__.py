@@ -4,8 +4,8 @@ Both sides of the house stand on this package and it knows neither: `derive` tur
 `wmr_afl` into CasADi. It holds the one exception family of the project.
 """
 
-from wmr_input.errors import InputError, WmrError, closest
+from wmr_input.errors import InputError, WmrError, closest, nearest
 from wmr_input.expression import Algebra, ExpressionError, evaluate
 from wmr_input.toml_file import read_toml
 
-__all__ = ["Algebra", "ExpressionError", "InputError", "WmrError", "closest", "evaluate", "read_toml"]
+__all__ = ["Algebra", "ExpressionError", "InputError", "WmrError", "closest", "evaluate", "nearest", "read_toml"]

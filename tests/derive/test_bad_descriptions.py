@@ -4,10 +4,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from derive.derivation import derive_robot
 from tests.conftest import DESCRIPTIONS, ROOT
+from wmr_afl.model import load_model
 from wmr_input import InputError
 
 GOOD = DESCRIPTIONS["type_2_0"].read_text()
@@ -100,7 +102,11 @@ MISTAKES = {
     "zero radius": ('radius = "r"\nmass', 'radius = "0"\nmass', ["'right' radius", "positive"]),
     "name taken twice": ('omega = "phi_dot"', 'b = "phi_dot"', ["b", "taken in [parameters]"]),
     "name of a function": ('K2 = { value', 'sin = { value = 1.0, unit = "m" }\nK2 = { value', ["'sin'", "reserved"]),
-    "name of a rate": ("L = { value", 'x_dot = { value = 1.0, unit = "m" }\nL = { value', ["x_dot", "is the rate of the coordinate 'x'"]),
+    "name of a rate": (
+        "L = { value",
+        'x_dot = { value = 1.0, unit = "m" }\nL = { value',
+        ["x_dot", "is the rate of the coordinate 'x'"],
+    ),
     "value not finite": ("value = 0.15", "value = nan", ["r.value", "finite"]),
     "division by zero": ('y1 = "x + L*cos(phi)"', 'y1 = "x/(L - L)"', ["[outputs] y1", "not a finite real number"]),
     "unknown known constant": ('name = "type_2_0"', 'known = ["l"]\nname = "type_2_0"', ["known", "'L'"]),
@@ -108,6 +114,19 @@ MISTAKES = {
         'heading = "phi"',
         "heading = \"__import__('os').system('true')\"",
         ["'platform' heading", "arithmetic"],
+    ),
+    "radius that is no length": (
+        'radius = "r"\nmass',
+        'radius = "K1"\nmass',
+        ["'right' radius", "has the unit", "takes m"],
+    ),
+    "sum of different units": ('at = ["d", "0"]', 'at = ["d + m_C", "0"]', ["[[bodies]]", "at", "mind the units"]),
+    "unknown unit": ('unit = "N m/V"', 'unit = "furlong"', ["[parameters] K1", "unknown unit", "furlong"]),
+    "negative mass": ("value = 36.0", "value = -36.0", ["[[bodies]]", "mass", "is -36", "must not be negative"]),
+    "title of several lines": (
+        'title = "Differential drive, type (2,0)"',
+        'title = "a\\nb"',
+        ["title", "one line"],
     ),
     "hostile power": ('y1 = "x + L*cos(phi)"', 'y1 = "9**9**9"', ["[outputs] y1", "exponent"]),
     "hostile name": ('name = "type_2_0"', 'name = "../../evil"', ["name", "letters"]),
@@ -189,3 +208,17 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "cannot be written" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_names_and_titles_that_generated_code_would_trip_over(tmp_path: Path) -> None:
+    """Inputs named as the generator names its own terms, and a title that would end a docstring."""
+    path = tmp_path / "robot.toml"
+    title = 'title = \'a """ b \\ {{ c }}\''
+    text = GOOD.replace('"u_r"', '"cos_phi"').replace('"u_l"', '"theta1"').replace('"type_2_0"', '"odd"')
+    path.write_text(text.replace('title = "Differential drive, type (2,0)"', title))
+    done = run(path, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    odd, plain = load_model(tmp_path / "odd"), load_model("type_2_0")
+    assert odd.title == 'a """ b \\ {{ c }}'
+    x, u, w, p = np.arange(5.0), np.array([1.0, 2.0]), np.zeros(2), plain.parameters()
+    np.testing.assert_array_equal(odd.state_derivative(x, u, w, p), plain.state_derivative(x, u, w, p))

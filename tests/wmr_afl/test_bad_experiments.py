@@ -50,7 +50,7 @@ MISTAKES = {
         'expressions = { y1 = "cos(t)" }',
         ["[reference.expressions]", "'y2'", "add y2"],
     ),
-    "estimate of a wrong size": ("estimate = 1.0", "estimate = [1.0, 2.0]", ["[controllers.AFL] estimate", "2", "6"]),
+    "estimate of a wrong size": ("estimate = 1.0", "estimate = [1.0, 2.0]", ["[shared] estimate", "2", "6"]),
     "estimate of an unknown name": ("estimate = 1.0", "estimate = { theta9 = 1.0 }", ["estimate", "theta9", "theta6"]),
     "estimate incomplete": ("estimate = 1.0", "estimate = { theta1 = 1.0 }", ["estimate", "'theta2'", "add theta2"]),
     "gain of a wrong size": ("gain = [10.0, 5.0, ", "gain = [10.0, ", ["[controllers.AFL] adaptation", "(5,)", "(6,)"]),
@@ -63,7 +63,7 @@ MISTAKES = {
     "outer loop not positive real": (
         "b1 = 2.0",
         "b1 = 0.5",
-        ["[controllers.AFL] outer_loop", "strictly positive real"],
+        ["[shared] outer_loop", "strictly positive real"],
     ),
     "no outer loop": ("outer_loop = {", "# outer_loop = {", ["[controllers.AFL] outer_loop", "[shared]"]),
     "unknown shared key": ("estimate = 1.0", "guess = 1.0", ["[shared]", "'guess'", "estimate"]),
@@ -82,6 +82,42 @@ MISTAKES = {
         ["[uncertainties.measurement_noise] deviation", "'z'", "omega"],
     ),
     "unknown uncertainty": ("[shared]", "[uncertainties.gremlins]\n[shared]", ["gremlins", "input_limits"]),
+    "physical parameters of no robot": (
+        "[start]",
+        "[parameters]\nm_C = -50.0\n[start]",
+        ["[parameters]", "positive definite", "m_C = -50"],
+    ),
+    "parameters without finite base parameters": (
+        "[start]",
+        "[parameters]\nr = 0.0\n[start]",
+        ["[parameters]", "not finite", "r = 0"],
+    ),
+    "run shorter than a sample": ("duration = 0.1", "duration = 0.01", ["[simulation]", "sample_time exceeds"]),
+    "more samples than memory": ("sample_time = 0.02", "sample_time = 1e-9", ["[simulation]", "too many"]),
+    "ragged gain": ("gain = [10.0, 5.0, 10.0, 10.0, 1.0, 10.0]", "gain = [[1.0], [1.0, 2.0]]", ["adaptation", "rows"]),
+    "gain of no kind": ("gain = [10.0,", 'gain = ["ten",', ["adaptation.gain", "square matrix"]),
+    "line with ends that differ": (
+        "circle = { center = [10.0, 25.0], radius = 7.5, rate = 0.05 }",
+        "line = { start = [0, 0], velocity = [1] }",
+        ["[reference] line", "2 entries of start, 1 of velocity"],
+    ),
+    "first estimate out of bounds": (
+        "lower = 0.1",
+        "lower = 2.0",
+        ["[controllers.AFL] projection", "first estimate of theta5, 1", "2"],
+    ),
+    "bounds without adaptation": (
+        '[controllers."frozen estimates"]',
+        '[controllers."frozen estimates"]\nprojection = { lower = 0.5 }',
+        ["[controllers.frozen estimates] projection", "nothing adapts"],
+    ),
+    "controllers with the same file": (
+        '[controllers."frozen estimates"]',
+        '[controllers."a/b"]\n[controllers."a b"]',
+        ["'a/b' and 'a b' would share files"],
+    ),
+    "controller without a name": ('[controllers."frozen estimates"]', '[controllers.""]', ["no good name"]),
+    "text for a number": ("x = 15.0", 'x = "15.0"', ["[start] x", "a number"]),
     "not TOML": ("[start]", "[start", ["not valid TOML"]),
 }
 

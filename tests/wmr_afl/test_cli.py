@@ -31,6 +31,22 @@ def test_help_tells_a_newcomer_what_there_is(verb: list[str]) -> None:
     assert "Usage: wmr-afl" in done.stdout
 
 
+def test_the_version_is_told() -> None:
+    assert run("--version").stdout.startswith("wmr-afl ")
+
+
+def test_what_looks_like_markup_is_printed_as_it_stands(tmp_path: Path) -> None:
+    text = (ROOT / "wmr_afl" / "experiments" / "study_1.toml").read_text()
+    text = text.replace("duration = 140.0", "duration = 1.0").replace(
+        "[controllers.AFL]", '[controllers."[/red] $a_{"]'
+    )
+    (tmp_path / "odd.toml").write_text(text.replace('title = "Study 1', 'title = "[bold] $x_{ 1'))
+    done = run("simulate", tmp_path / "odd.toml", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "[bold] $x_{ 1" in done.stdout
+    assert "[/red] $a_{" in done.stdout
+
+
 def test_models_lists_the_catalogue() -> None:
     out = run("models").stdout
     for name in [*ROBOTS, "study_1"]:

@@ -131,7 +131,35 @@ def test_a_damaged_folder_is_told(tmp_path: Path, damage: str) -> None:
 def test_a_missing_term_says_why(tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     shutil.copytree(ROOT / "generated" / "type_2_0", folder)
-    module = folder / "numpy_model.py"
+    module, told = folder / "numpy_model.py", folder / "model.json"
     module.write_text(module.read_text().replace("def regressor(", "def other("))
+    with pytest.raises(InputError, match="has no regressor; derive"):
+        load_model(folder)
+    told.write_text(told.read_text().replace('"regressor",', ""))
     with pytest.raises(MissingTermError, match="no regressor"):
         load_model(folder).regressor(np.zeros(5), np.zeros(2), [0.1])
+
+
+def test_code_of_another_robot_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    shutil.copytree(ROOT / "generated" / "type_2_0", folder)
+    module = folder / "numpy_model.py"
+    module.write_text(module.read_text().replace('    "omega": "rad/s",', '    "w": "rad/s",'))
+    with pytest.raises(InputError, match=r"numpy_model.py: STATE: is not that of model.json"):
+        load_model(folder)
+
+
+def test_a_folder_of_models_names_them(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "generated" / "type_2_0", tmp_path / "mine")
+    with pytest.raises(InputError, match=r"name one of .*mine"):
+        load_model(tmp_path)
+
+
+def test_a_name_too_long_for_a_file_is_unknown() -> None:
+    with pytest.raises(UnknownNameError, match=r"unknown model"):
+        load_model("a" * 5000)
+
+
+def test_batches_of_parameters_must_fit() -> None:
+    with pytest.raises(ShapeError, match=r"m_C \(2,\), r \(3,\)|r \(3,\), m_C \(2,\)"):
+        load_model("type_2_0").parameters(m_C=[1.0, 2.0], r=[1.0, 2.0, 3.0])

@@ -1,11 +1,12 @@
 """Closed loops: both languages agree, integrators converge, failures are told and keep what came before."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from wmr_afl import SimulationError, SimulationWarning, UnknownNameError, WmrError
+from wmr_afl import SimulationError, SimulationWarning, UnknownNameError, WmrError, plots
 from wmr_afl.assembly import assemble
 from wmr_afl.closed_loop import ClosedLoop
 from wmr_afl.controllers import GradientAdaptation, OuterLoop, Projection, TrackingController
@@ -13,6 +14,7 @@ from wmr_afl.experiment import read_experiment
 from wmr_afl.model import load_model
 from wmr_afl.plant import InputLimits, MeasurementNoise, Plant
 from wmr_afl.references import Reference, figure_eight
+from wmr_afl.results import write_results
 from wmr_afl.simulation import simulate
 from wmr_afl.stability import error_system, lyapunov_function
 
@@ -193,3 +195,23 @@ def test_an_unknown_backend_lists_what_there_is() -> None:
 def test_a_plant_that_means_nothing_is_refused(make) -> None:
     with pytest.raises(WmrError):
         make()
+
+
+@pytest.mark.parametrize("backend", ["numpy", "casadi"])
+def test_a_run_that_fails_at_its_first_sample_says_what_is_not_finite(backend: str, tmp_path: Path) -> None:
+    loop = replace(eight(), reference=Reference({"y1": "sqrt(t - 1)", "y2": "t"}))
+    with pytest.warns(SimulationWarning, match="t = 0 s: the reference or the output is not finite"):
+        run = simulate(loop, 1.0, "AFL $x$", backend)
+    assert run.time.shape == (0,)
+    assert run.reference.shape == (0, 2)
+    assert "stopped at t = 0 s" in repr(run)
+    with pytest.raises(SimulationError):
+        run.rms(until=-1.0)
+    write_results({"first": run}, tmp_path)
+    for name, figure in plots.overview({"first $": run}, "$ costs").items():
+        plots.save(figure, tmp_path / name)
+
+
+def test_a_run_is_no_shorter_than_its_sample() -> None:
+    with pytest.raises(SimulationError, match="longer than the run"):
+        simulate(eight(), 0.001)

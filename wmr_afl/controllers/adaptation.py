@@ -19,7 +19,10 @@ class GradientAdaptation:
     """
 
     def __init__(self, parameters: int, gain: ArrayLike) -> None:
-        self.gain = np.asarray(gain, dtype=float)
+        try:
+            self.gain = np.asarray(gain, dtype=float)
+        except (TypeError, ValueError):
+            raise ShapeError("the rows of the adaptation gain differ in length; give rows of equal length") from None
         if self.gain.ndim == 0:
             self.gain = np.full(parameters, float(self.gain))
         if self.gain.shape not in ((parameters,), (parameters, parameters)):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +21,17 @@ class Projection:
         self.upper = np.broadcast_to(np.asarray(upper, dtype=float), (parameters,)).copy()
         if not np.all(self.lower < self.upper):
             raise WmrError(f"bounds {self.lower} to {self.upper} leave nothing; choose lower < upper")
+
+    def check(self, estimate: Vector, names: Sequence[str]) -> None:
+        """The first estimate must lie within the bounds.
+
+        Raises: WmrError, naming the one that does not.
+        """
+        for name, value, low, high in zip(names, estimate, self.lower, self.upper, strict=True):
+            if not low <= value <= high:
+                raise WmrError(
+                    f"the first estimate of {name}, {value:g}, is not within {low:g} and {high:g}; change one of them"
+                )
 
     @property
     def values(self) -> dict[str, Vector]:

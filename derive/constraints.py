@@ -17,7 +17,11 @@ class Constraints:
     """The rows of A, dependent ones included: a form in the coordinates' rates for each origin."""
 
     rows: dict[str, Form]
-    rank: int  # at almost every configuration
+    basis: list[Form]  # as many of them as are independent at almost every configuration
+
+    @property
+    def rank(self) -> int:
+        return len(self.basis)
 
 
 def constraint_rows(robot: Robot) -> Constraints:
@@ -33,14 +37,17 @@ def constraint_rows(robot: Robot) -> Constraints:
     }
     rows |= {constraint_origin(number): Form(row) for number, row in enumerate(robot.constraints)}
     rates = [robot.rate(q) for q in robot.coordinates]
-    rank = Terms().rank(stacked(list(rows.values()), rates)) if rows else 0
-    if rank == len(rates):
+    basis: list[Form] = []
+    for row in rows.values():
+        if Terms().rank(stacked([*basis, row], rates)) > len(basis):
+            basis.append(row)
+    if len(basis) == len(rates):
         raise robot.reader.mistake(
             "[[wheels]]",
-            f"the {len(rows)} constraints leave no motion: their rank is {rank}, as many as there are coordinates",
+            f"the {len(rows)} constraints leave no motion: their rank is that of the {len(rates)} coordinates",
             "align axles, put a wheel on a jointed frame, or give it rollers (roller_angle)",
         )
-    return Constraints(rows, rank)
+    return Constraints(rows, basis)
 
 
 def slip_origin(wheel: str) -> str:

@@ -10,6 +10,7 @@ from sympy import Expr, Matrix, Symbol
 
 from derive.adaptive_form import AdaptiveForm, adaptive_form
 from derive.constraints import constraint_rows
+from derive.determinant import Determinant, decoupling_determinant
 from derive.dynamics import Dynamics, derive_dynamics
 from derive.exact import NotRepresentable
 from derive.internal_dynamics import InternalDynamics, internal_dynamics
@@ -26,6 +27,15 @@ Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
+class Control:
+    """What a controller needs to know of a robot's outputs."""
+
+    linearization: Linearization
+    determinant: Determinant
+    internal: InternalDynamics
+
+
+@dataclass(frozen=True)
 class Derivation:
     """Everything that is known of a robot."""
 
@@ -33,10 +43,9 @@ class Derivation:
     kinematics: Kinematics
     mobility: Mobility
     dynamics: Dynamics
-    linearization: Linearization
     parameters: Parameters
     adaptive: AdaptiveForm
-    internal: InternalDynamics
+    control: Control | None  # None where the description wants the model alone
 
     @property
     def terms(self) -> Terms:
@@ -77,14 +86,18 @@ def derive_robot(path: Path, progress: Progress = lambda step: None) -> Derivati
     progress("dynamics")
     dynamics = derive_dynamics(kinematics)
     progress("linearization")
-    linearization = linearize(kinematics)
+    linearization = linearize(kinematics) if robot.outputs else None
     _check_defaults(kinematics, dynamics, linearization)
-    parameters = _split_parameters(kinematics, linearization)
+    parameters = _split_parameters(kinematics)
     progress("base parameters")
     adaptive = adaptive_form(kinematics, dynamics, parameters)
-    progress("internal dynamics")
-    internal = internal_dynamics(kinematics, linearization)
-    return Derivation(robot, kinematics, mobility, dynamics, linearization, parameters, adaptive, internal)
+    control = None
+    if linearization is not None:
+        progress("decoupling matrix")
+        determinant = decoupling_determinant(kinematics, dynamics, linearization, adaptive)
+        progress("internal dynamics")
+        control = Control(linearization, determinant, internal_dynamics(kinematics, linearization))
+    return Derivation(robot, kinematics, mobility, dynamics, parameters, adaptive, control)
 
 
 def _check_motors(kinematics: Kinematics) -> None:
@@ -107,16 +120,18 @@ def _check_motors(kinematics: Kinematics) -> None:
         raise robot.reader.mistake("[[motors]]", problem, "let them drive independent wheels or joints")
 
 
-def _check_defaults(kinematics: Kinematics, dynamics: Dynamics, linearization: Linearization) -> None:
+def _check_defaults(kinematics: Kinematics, dynamics: Dynamics, linearization: Linearization | None) -> None:
     """The model must not be degenerate at the default parameters, for then it could not be run."""
     robot, terms, wanted = kinematics.robot, kinematics.terms, len(kinematics.v)
     zeros = [symbol.name for symbol, number in robot.defaults.items() if number == 0]
     remedy = f"change the defaults; zero is the value of {', '.join(zeros)}" if zeros else "change the defaults"
-    for matrix, table, problem in (
+    matrices = [
         (dynamics.inertia_matrix, "[[bodies]]", "some motion has no inertia"),
         (dynamics.input_matrix, "[[motors]]", "the motors do not reach every pseudo-velocity"),
-        (linearization.output_map, "[outputs]", "the decoupling matrix is singular everywhere"),
-    ):
+    ]
+    if linearization is not None:
+        matrices.append((linearization.output_map, "[outputs]", "the decoupling matrix is singular everywhere"))
+    for matrix, table, problem in matrices:
         try:
             regular = terms.rank(matrix, robot.defaults) == wanted
         except NotRepresentable:
@@ -125,10 +140,10 @@ def _check_defaults(kinematics: Kinematics, dynamics: Dynamics, linearization: L
             raise robot.reader.mistake(table, f"with the default parameters {problem}", remedy)
 
 
-def _split_parameters(kinematics: Kinematics, linearization: Linearization) -> Parameters:
+def _split_parameters(kinematics: Kinematics) -> Parameters:
     """Known constants are those that appear in S or in h, and those that the description lists."""
     robot, terms = kinematics.robot, kinematics.terms
-    geometry = [*kinematics.kinematic_matrix, *linearization.outputs.values()]
+    geometry = [*kinematics.kinematic_matrix, *robot.outputs.values()]
     appearing = set().union(*(terms.atoms(entry) for entry in geometry)) & set(robot.parameters)
     known = frozenset(appearing) | robot.known
     return Parameters(known, frozenset(robot.parameters) - known)

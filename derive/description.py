@@ -131,7 +131,8 @@ class RobotDescription(_Table):
     motors: list[Motor] = []
     constraints: list[Constraint] = []
     pseudo_velocities: Annotated[dict[Name, Expression], Field(min_length=1)] | None = None
-    outputs: dict[Name, Expression]
+    outputs: dict[Name, Expression] = {}
+    controller: bool = True  # false: the model alone, without outputs and what a controller needs
 
 
 def read_description(path: Path) -> RobotDescription:

@@ -5,12 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import sympy as sp
-from sympy import Expr, Matrix
+from sympy import Expr, Matrix, Symbol
 
-from derive.derivation import Derivation
+from derive.adaptive_form import AdaptiveForm
+from derive.dynamics import Dynamics
+from derive.kinematics import Kinematics
+from derive.linearization import Linearization
 from derive.trigonometry import factored
 
-_LONGEST = 300  # operations; longer determinants are left as they are
+_LONGEST = 200  # operations; longer determinants are left as they are
+_READABLE = 25  # operations; longer denominators are told apart
+DENOMINATOR = Symbol("Delta")
 
 
 @dataclass(frozen=True)
@@ -23,9 +28,26 @@ class Determinant:
     actuation: Expr  # det(Bbar K1), or of its product with its transpose: where the motors do not reach every motion
 
     @property
-    def product(self) -> Expr:
+    def whole(self) -> Expr:
         output_map = self.output_map if self.is_square else self.output_map**2
         return sp.factor_terms(output_map * self.gain)
+
+    @property
+    def product(self) -> Expr:
+        """The determinant, with `DENOMINATOR` in the place of a long denominator."""
+        numerator, denominator = sp.fraction(self.whole)
+        return numerator / (denominator if sp.count_ops(denominator) <= _READABLE else DENOMINATOR)
+
+    @property
+    def denominator(self) -> Expr | None:
+        """What `DENOMINATOR` stands for: an inertia's determinant, which does not vanish."""
+        denominator = sp.fraction(self.whole)[1]
+        return None if sp.count_ops(denominator) <= _READABLE else denominator
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the denominator is too long to be told."""
+        return int(sp.count_ops(sp.fraction(self.whole)[1])) > _LONGEST
 
     @property
     def singular_where(self) -> list[str]:
@@ -36,22 +58,24 @@ class Determinant:
         return [f"{factor} = 0" for factor in dict.fromkeys(state_or_theta)]
 
 
-def determinant(derivation: Derivation) -> Determinant:
+def decoupling_determinant(
+    kinematics: Kinematics, dynamics: Dynamics, linearization: Linearization, form: AdaptiveForm
+) -> Determinant:
     """det D of a robot in base parameters."""
-    d, terms = derivation, derivation.terms
-    output_map = factored(_determinant(d.linearization.output_map.applyfunc(terms.expand)))
-    form, reach = d.adaptive, d.dynamics.input_matrix
+    terms = kinematics.terms
+    output_map = factored(_determinant(linearization.output_map.applyfunc(terms.expand)))
+    reach = dynamics.input_matrix
     is_square = form.gain.rows == form.gain.cols
     if form.inverse is not None and form.kind == "inverse":  # G = N^-1, and N is shorter
         effort = Matrix.hstack(*(slope * Matrix(form.theta) for slope in form.inverse.slopes))
         gain = 1 / _factored(terms.expand(_determinant(effort)))
     elif form.kind == "physical":
-        mass = _determinant(d.dynamics.inertia_matrix)
+        mass = _determinant(dynamics.inertia_matrix)
         gain = terms.expand(_determinant(_squared(reach)) / (mass if is_square else mass**2))
     else:
         gain = _factored(terms.expand(_determinant(_squared(form.gain))))
     moving = _factored(terms.expand(_determinant(_squared(reach))))
-    coordinates = set(d.kinematics.q)
+    coordinates = set(kinematics.q)
     actuation = sp.Mul(*(f for f in sp.Mul.make_args(moving) if not f.free_symbols.isdisjoint(coordinates)))
     return Determinant(is_square, output_map, gain, actuation if form.kind != "forward" else sp.S.One)
 

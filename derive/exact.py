@@ -115,6 +115,11 @@ class Point:
         rows = [[self(entry) for entry in matrix.row(i)] for i in range(matrix.rows)]
         return DomainMatrix(rows, matrix.shape, FIELD).rank()
 
+    def determinant(self, matrix: sp.Matrix) -> int:
+        """The determinant of `matrix` here."""
+        rows = [[self(entry) for entry in matrix.row(i)] for i in range(matrix.rows)]
+        return int(DomainMatrix(rows, matrix.shape, FIELD).det())
+
     def _value(self, expression: Expr) -> Element:
         if expression.is_Symbol:
             defined = self.definitions.get(expression)

@@ -7,16 +7,14 @@ from typing import Any
 import sympy as sp
 from sympy import Matrix
 
-from derive.derivation import Derivation
-from derive.determinant import determinant
+from derive.derivation import Control, Derivation
 from derive.internal_dynamics import StraightLine
 from derive.linearization import relative_degree
 
 
 def findings(derivation: Derivation) -> dict[str, Any]:
     """The findings, ready for JSON."""
-    d, mobility, det = derivation, derivation.mobility, determinant(derivation)
-    line = d.internal.straight_line
+    d, mobility = derivation, derivation.mobility
     return {
         "type": mobility.type_name,
         "degree_of_mobility": mobility.degree_of_mobility,
@@ -32,19 +30,29 @@ def findings(derivation: Derivation) -> dict[str, Any]:
             v.name: str(sum((c * rate for rate, c in form.items()), sp.S.Zero))
             for v, form in d.kinematics.pseudo_velocities.items()
         },
-        "kinematic_singularities": [str(divisor) for divisor in d.kinematics.divisors],
+        "kinematic_singularities": [f"{factor} = 0" for factor in d.kinematics.singularities],
+        "parametrization": d.adaptive.kind,
+        "parametrization_obstacle": None if d.adaptive.obstacle is None else str(d.adaptive.obstacle),
+        **({} if d.control is None else _of_control(d, d.control)),
+    }
+
+
+def _of_control(d: Derivation, control: Control) -> dict[str, Any]:
+    """What the outputs and the decoupling matrix are like."""
+    det, internal = control.determinant, control.internal
+    line = internal.straight_line
+    return {
         "relative_degree": {
-            name: relative_degree(d.linearization.output_map[i, :] * d.adaptive.gain, d.kinematics)
-            for i, name in enumerate(d.linearization.outputs)
+            name: relative_degree(control.linearization.output_map[i, :] * d.adaptive.gain, d.kinematics)
+            for i, name in enumerate(control.linearization.outputs)
         },
         "determinant_of": "D" if det.is_square else "D D^T",
         "det_decoupling_matrix": str(det.product),
+        "det_denominator": None if det.denominator is None or det.is_long else str(det.denominator),
         "singular_where": det.singular_where,
         "determinant_parameters": [theta.name for theta in d.adaptive.theta if theta in det.gain.free_symbols],
-        "parametrization": d.adaptive.kind,
-        "parametrization_obstacle": None if d.adaptive.obstacle is None else str(d.adaptive.obstacle),
-        "internal_coordinates": [z.name for z in d.internal.free],
-        "internal_dynamics": None if d.internal.equation is None else _rows(d.internal.equation),
+        "internal_coordinates": [z.name for z in internal.free],
+        "internal_dynamics": None if internal.equation is None else _rows(internal.equation),
         "straight_line": None if line is None else _straight_line(line),
     }
 

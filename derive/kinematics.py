@@ -30,7 +30,7 @@ class Kinematics:
     joint_rates: dict[str, Form]  # rate of each joint's angle [rad/s]
     kept: list[str]  # origins of A's rows
     dropped: list[str]  # origins of the constraints that follow from these
-    divisors: list[Expr]  # where one of these vanishes, S is not defined
+    divisors: list[Expr]  # what was divided by and depends on the configuration
 
     @property
     def q(self) -> tuple[Symbol, ...]:
@@ -45,6 +45,12 @@ class Kinematics:
         """q' = S v (4)."""
         rates = self.kinematic_matrix * Matrix(self.v)
         return {q: self.terms.name(f"{q.name}_dot", rate) for q, rate in zip(self.q, rates, strict=True)}
+
+    @property
+    def singularities(self) -> tuple[Expr, ...]:
+        """Factors of what was divided by: where one of them vanishes, S is not defined."""
+        factors = [base for e in self.divisors for base, _ in (f.as_base_exp() for f in sp.Mul.make_args(e))]
+        return tuple(dict.fromkeys(f for f in factors if not self.terms.atoms(f).isdisjoint(self.q)))
 
     @property
     def actuator_rates_matrix(self) -> Matrix:

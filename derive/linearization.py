@@ -82,7 +82,7 @@ def _check_regular(jacobian: Matrix, output_map: Matrix, kinematics: Kinematics)
                 f"the decoupling matrix is singular everywhere: the outputs do not see {unseen}, so their relative "
                 "degree is not 2",
                 "move an output ahead of the axle (look-ahead point), extend the input dynamically, "
-                "or derive the model without a controller",
+                "or derive the model without a controller (controller = false at the top)",
             )
     except NotRepresentable:
         raise robot.reader.mistake(

@@ -22,6 +22,7 @@ class Metadata:
     source: str
     state: dict[str, str]
     inputs: dict[str, str]
+    motors: dict[str, dict[str, str]]  # input -> what it drives, torque gain and back-EMF as formulas of p
     outputs: dict[str, str]
     parameters: dict[str, str]
     defaults: dict[str, float]
@@ -54,7 +55,15 @@ def describe(derivation: Derivation) -> Metadata:
         source=d.robot.source,
         state=table("x"),
         inputs=table("u"),
-        outputs={name: unit_text(h, units, d) for name, h in d.linearization.outputs.items()},
+        motors={
+            motor.input: {
+                "drives": str(motor.wheel or motor.joint),
+                "torque_gain": str(motor.torque_gain),
+                "back_emf": str(motor.back_emf),
+            }
+            for motor in d.robot.motors
+        },
+        outputs={name: unit_text(h, units, d) for name, h in d.robot.outputs.items()},
         parameters=table("p"),
         defaults={p.name: float(d.robot.defaults[p]) for p in d.robot.parameters},
         about=d.robot.about,

@@ -6,18 +6,20 @@ from collections.abc import Iterator
 from itertools import combinations, islice
 
 import sympy as sp
-from sympy import Symbol
+from sympy import Expr, Matrix, Symbol
 
 from derive.constraints import Constraints, plane_velocities, stacked
 from derive.elimination import NotSolvable
-from derive.exact import NotRepresentable
+from derive.exact import NotRepresentable, Point
 from derive.kinematics import Kinematics, solve_kinematics
-from derive.motion import Form
+from derive.motion import Form, Velocity
 from derive.robot import Robot
 from derive.symbols import symbol
 from derive.terms import Terms
 
-_TRIED = 200  # combinations of candidates looked at
+_LOOKED_AT = 2000  # combinations of candidates whose determinant is looked at
+_SOLVED = 3  # combinations that are solved, where none is smooth everywhere
+_CONFIGURATIONS = 4  # at which the determinant of a smooth choice has the same value
 
 PseudoVelocities = dict[Symbol, Form]
 
@@ -33,14 +35,14 @@ def choose_kinematics(robot: Robot, constraints: Constraints) -> Kinematics:
         _check(named, wanted, robot, constraints)
         return solve_kinematics(robot, named, constraints)
     best: Kinematics | None = None
-    for choice in islice(_choices(robot, constraints, wanted), _TRIED):
+    for choice in _choices(robot, constraints, wanted):
         try:
             kinematics = solve_kinematics(robot, choice, constraints)
         except NotSolvable:
             continue
-        if best is None or len(kinematics.divisors) < len(best.divisors):
+        if best is None or len(kinematics.singularities) < len(best.singularities):
             best = kinematics
-        if not kinematics.divisors:
+        if not kinematics.singularities:
             break
     if best is None:
         raise robot.reader.mistake("pseudo_velocities", "no choice was found", "name them in [pseudo_velocities]")
@@ -72,19 +74,64 @@ def _describe_motion(choice: PseudoVelocities, robot: Robot, constraints: Constr
 
 
 def _choices(robot: Robot, constraints: Constraints, wanted: int) -> Iterator[PseudoVelocities]:
-    """Combinations of frames' velocities along their own axes and joint rates, the root's first."""
-    candidates: PseudoVelocities = {}
-    for name, velocity in plane_velocities(robot).items():
-        for part, form in {
-            "forward": velocity.forward,
-            "lateral": velocity.lateral,
-            "turning": velocity.turning,
-        }.items():
-            candidates[symbol(f"{name}_{part}")] = form
-    for q in robot.coordinates:
-        if all(q not in position.free_symbols for position in robot.frames[0].at):
-            candidates[symbol(f"{q.name}_rate")] = Form({robot.rate(q): sp.S.One})
-    for chosen in combinations(candidates.items(), wanted):
-        choice = dict(chosen)
-        if _describe_motion(choice, robot, constraints):
+    """Combinations of candidates: those that are smooth everywhere first, then those that fail least."""
+    fallible = []
+    for chosen in islice(combinations(_candidates(robot).items(), wanted), _LOOKED_AT):
+        choice = dict(sorted(chosen, key=lambda item: item[0].name.endswith("_rate")))  # velocities in front
+        matrix = stacked([*constraints.basis, *choice.values()], [robot.rate(q) for q in robot.coordinates])
+        determinants = _determinants(matrix, robot)
+        if 0 in determinants:
+            continue
+        if len(determinants) == 1:
             yield choice
+        fallible.append((_failures(matrix, robot), choice))
+    fallible.sort(key=lambda failures_and_choice: failures_and_choice[0])
+    yield from (choice for _, choice in fallible[:_SOLVED])
+
+
+def _candidates(robot: Robot) -> PseudoVelocities:
+    """The root's velocities in its own axes, then rates of joints, then the other frames' velocities."""
+    velocities = plane_velocities(robot)
+    root, *others = velocities
+    found = _of_frame(root, velocities[root])
+    placed = set().union(*(e.free_symbols for e in (*robot.frames[0].at, robot.frames[0].angle)))
+    for q in robot.coordinates:
+        if q not in placed:
+            found[symbol(f"{q.name}_rate")] = Form({robot.rate(q): sp.S.One})
+    for name in others:
+        found |= _of_frame(name, velocities[name])
+    return found
+
+
+def _of_frame(name: str, velocity: Velocity) -> PseudoVelocities:
+    parts = {"forward": velocity.forward, "lateral": velocity.lateral, "turning": velocity.turning}
+    return {symbol(f"{name}_{part}"): form for part, form in parts.items()}
+
+
+def _determinants(matrix: Matrix, robot: Robot) -> set[int]:
+    """Values of det [A; N] at random configurations with the same parameters: one value, not 0, where S is smooth."""
+    parameters = Point(0)
+    values: set[int] = set()
+    for seed in range(100):
+        point = Point(seed, values={p: parameters(p) for p in robot.parameters})
+        try:
+            values.add(point.determinant(matrix))
+        except NotRepresentable:
+            continue
+        if len(values) > 1 or 0 in values or seed >= _CONFIGURATIONS:
+            return values
+    raise NotRepresentable(matrix)
+
+
+def _failures(matrix: Matrix, robot: Robot) -> tuple[bool, int]:
+    """Whether det [A; N] vanishes with all coordinates at zero, and at how many quarter turns of single joints."""
+
+    def vanishes_at(place: dict[Symbol, Expr]) -> bool:
+        try:
+            return Point(0).determinant(matrix.xreplace(place)) == 0
+        except NotRepresentable:
+            return True
+
+    joints = [q for q in robot.coordinates if any(q in frame.angle.free_symbols for frame in robot.frames[1:])]
+    quarters = [{q: sign * sp.pi / 2} for q in joints for sign in (1, -1)]
+    return vanishes_at(dict.fromkeys(robot.coordinates, sp.S.Zero)), sum(map(vanishes_at, quarters))

@@ -10,6 +10,7 @@ import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
 from derive.derivation import Derivation
+from derive.linearization import Linearization
 from derive.units import Units, UnknownUnit, parse_unit, product
 
 
@@ -112,8 +113,10 @@ class _Quantities:
 
     def entries(self) -> Iterator[Quantity]:
         yield from self.model()
-        yield from self.outputs()
-        yield from self.adaptive()
+        yield from self.base_parameters()
+        if self.d.control is not None:
+            yield from self.outputs(self.d.control.linearization)
+        yield from self.inverse()
 
     def entry(self, name: str, arguments: str, expression: Matrix, shape: str, equation: str, meaning: str) -> Quantity:
         return Quantity(
@@ -154,42 +157,39 @@ class _Quantities:
             "input_jacobian", "x u w p", self.partial(derivative, dyn.inputs), "2n-m n_u", "d(15)/du", "dx'/du"
         )
 
-    def outputs(self) -> Iterator[Quantity]:
-        lin = self.d.linearization
-        h = Matrix(list(lin.outputs.values()))
+    def base_parameters(self) -> Iterator[Quantity]:
+        form = self.d.adaptive
+        parameters = Matrix(len(form.base_parameters), 1, list(form.base_parameters))
+        yield self.entry("base_parameters", "p", parameters, "n_theta", "(30), (82)", f"theta(p), {form.kind} form")
+
+    def outputs(self, lin: Linearization) -> Iterator[Quantity]:
+        form, h = self.d.adaptive, Matrix(list(lin.outputs.values()))
         yield self.entry("output", "q c", h, "n-m", "(17)", "y = h(q)")
         yield self.entry("output_jacobian", "q c", lin.output_jacobian, "n-m n", "(19)", "J_h = dh/dq")
         yield self.entry("output_rate", "x c", lin.output_rate, "n-m", "(19)", "y' = L_f h = J_h S v")
         yield self.entry("lie_f2_h", "x c", lin.lie_f2_h, "n-m", "(21), (86)", "L_f^2 h = d/dq(J_h S v) S v")
-
-    def adaptive(self) -> Iterator[Quantity]:
-        form, output_map = self.d.adaptive, self.d.linearization.output_map
-        parameters = Matrix(len(form.base_parameters), 1, list(form.base_parameters))
-        yield self.entry("base_parameters", "p", parameters, "n_theta", "(30), (82)", f"theta(p), {form.kind} form")
         yield self.entry(
-            "lie_q_lie_f_h", "x theta c", output_map * form.drift, "n-m", "(21), (87)", "L_q L_f h = J_h S Q"
+            "lie_q_lie_f_h", "x theta c", lin.output_map * form.drift, "n-m", "(21), (87)", "L_q L_f h = J_h S Q"
         )
         yield self.entry(
-            "decoupling_matrix", "x theta c", output_map * form.gain, "n-m n_u", "(22)", "D = L_g L_f h = J_h S G"
+            "decoupling_matrix", "x theta c", lin.output_map * form.gain, "n-m n_u", "(22)", "D = L_g L_f h = J_h S G"
         )
         if form.regressor is not None:
             yield self.entry(
                 "regressor",
                 "x u c",
-                output_map * form.regressor,
+                lin.output_map * form.regressor,
                 "n-m n_theta",
                 "(31), (89)",
                 "Y: y'' = L_f^2 h + Y theta; W of (89) is Y at the control",
             )
-        if form.inverse is not None:
-            regressor = form.inverse.regressor(form.accelerations)
-            yield self.entry(
-                "inverse_regressor",
-                "x a c",
-                regressor,
-                "n_u n_pi",
-                "(14) inverted",
-                "Y_u: u = Y_u pi brings about v' = a",
-            )
-            pi = Matrix(len(form.inverse.base_parameters), 1, list(form.inverse.base_parameters))
-            yield self.entry("inverse_base_parameters", "p", pi, "n_pi", "(14) inverted", "pi(p) of u = Y_u pi")
+
+    def inverse(self) -> Iterator[Quantity]:
+        form = self.d.adaptive
+        if form.inverse is None:
+            return
+        regressor = form.inverse.regressor(form.accelerations)
+        meaning = "Y_u: u = Y_u pi brings about v' = a"
+        yield self.entry("inverse_regressor", "x a c", regressor, "n_u n_pi", "(14) inverted", meaning)
+        pi = Matrix(len(form.inverse.base_parameters), 1, list(form.inverse.base_parameters))
+        yield self.entry("inverse_base_parameters", "p", pi, "n_pi", "(14) inverted", "pi(p) of u = Y_u pi")

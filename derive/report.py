@@ -8,7 +8,6 @@ import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
 from derive.derivation import Derivation
-from derive.determinant import determinant
 from derive.metadata import Metadata
 from derive.printing.module import operation_count
 from derive.printing.rendering import render
@@ -29,7 +28,6 @@ def print_report(derivation: Derivation, metadata: Metadata, quantities: list[Qu
         findings=metadata.findings,
         d=derivation,
         tex=tex,
-        determinant=determinant(derivation),
         operations=operations,
         zip=zip,
         column=lambda entries: Matrix(list(entries)),
@@ -56,12 +54,6 @@ class _Tex:
     def expanded(self, expression: Expr) -> str:
         """`expression` in the user's symbols, however long."""
         return self.plain(sp.factor_terms(self.derivation.terms.expand(expression)))
-
-    def short(self, expression: Expr) -> str:
-        """`expression` as it stands, or a hint where it fills more than a few lines."""
-        if sp.count_ops(expression) > 3 * _READABLE:
-            return r"\text{(long; in model.json)}"
-        return self.plain(expression)
 
     def plain(self, expression: Expr | Matrix) -> str:
         """`expression` as it stands."""

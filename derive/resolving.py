@@ -78,9 +78,17 @@ class _Resolver:
             else {
                 symbol(v): self.of_rates(text, f"[pseudo_velocities] {v}") for v, text in told.pseudo_velocities.items()
             },
-            outputs={name: self.of_coordinates(text, f"[outputs] {name}") for name, text in told.outputs.items()},
+            outputs=self.outputs(),
             reader=self.reader,
         )
+
+    def outputs(self) -> dict[str, Expr]:
+        if not self.told.controller:
+            return {}
+        if not self.told.outputs:
+            remedy = "add outputs, or controller = false at the top for a model without a controller"
+            raise self.reader.mistake("[outputs]", "missing", remedy)
+        return {name: self.of_coordinates(text, f"[outputs] {name}") for name, text in self.told.outputs.items()}
 
     def known(self, name: str) -> Symbol:
         if name not in self.p:

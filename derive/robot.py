@@ -69,7 +69,7 @@ class Robot:
     motors: tuple[Motor, ...]
     constraints: tuple[dict[Symbol, Expr], ...]  # coefficients of the rates
     pseudo_velocities: dict[Symbol, dict[Symbol, Expr]] | None
-    outputs: dict[str, Expr]
+    outputs: dict[str, Expr]  # empty where the model alone is wanted
     reader: Reader
 
     def rate(self, coordinate: Symbol) -> Symbol:

@@ -36,6 +36,8 @@ class _Assembly:
     def __post_init__(self) -> None:
         with self.at("robot"):
             self.model = self._model(self.experiment.robot)
+            if not self.model.output_units:
+                raise WmrError(f"model {self.model.name} has no outputs to track; derive it with [outputs]")
         with self.at("[parameters]"):
             self.parameters = self.model.parameters(**self.experiment.parameters)
             self._check_parameters()

@@ -80,7 +80,12 @@ class Model:
     @property
     def coordinate_count(self) -> int:
         """n."""
-        return len(self.state_units) - len(self.output_units)
+        return len(self.state_units) - len(self.findings["pseudo_velocities"])
+
+    @property
+    def pseudo_velocity_count(self) -> int:
+        """n-m."""
+        return len(self.state_units) - self.coordinate_count
 
     def with_backend(self, backend: Backend) -> Model:
         """The same model in another language."""

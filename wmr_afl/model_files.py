@@ -17,7 +17,7 @@ _NEEDED: dict[str, type] = {
     "source": str,
     "parametrization": str,
     "functions": list,
-    **dict.fromkeys(("state", "inputs", "outputs", "parameters", "defaults", "about", "known"), dict),
+    **dict.fromkeys(("state", "inputs", "outputs", "parameters", "motors", "defaults", "about", "known"), dict),
     **dict.fromkeys(("base_parameters", "base_parameter_formulas", "findings"), dict),
 }
 

@@ -28,6 +28,8 @@ class PythonCode(StrPrinter):  # type: ignore[misc]
         base, exponent = expr.args
         if exponent == sp.S.Half:
             return f"sqrt({self._print(base)})"
+        if exponent.is_Integer and -8 <= exponent <= -3:
+            return f"1/{self._print(base**-exponent)}"  # which stands in parentheses
         if exponent.is_negative:
             return f"1/{self.parenthesize(sp.Pow(base, -exponent), PRECEDENCE['Pow'], strict=False)}"
         if exponent.is_Integer and 3 <= exponent <= 8:  # a general power costs ten products
@@ -48,19 +50,13 @@ class PythonCode(StrPrinter):  # type: ignore[misc]
 
 
 def wrapped(line: str, indent: int) -> str:
-    """A long assignment, broken before its outermost + and -."""
+    """A long assignment, broken before + and -, the outermost ones where that is enough."""
     head, separator, body = line.partition(" = ")
     if len(line) + indent <= WIDTH or not separator:
         return line
-    inner, depth, start, pieces = " " * (indent + 4), 0, 0, []
-    for position, letter in enumerate(body):
-        depth += (letter == "(") - (letter == ")")
-        if depth == 0 and body[position : position + 3] in (" + ", " - "):
-            pieces.append(body[start:position])
-            start = position + 1
-    pieces.append(body[start:])
+    inner = " " * (indent + 4)
     lines, current = [], ""
-    for piece in pieces:
+    for piece in _pieces(body, WIDTH - len(inner)):
         if current and len(inner) + len(current) + 1 + len(piece) > WIDTH:
             lines.append(current)
             current = piece
@@ -69,3 +65,18 @@ def wrapped(line: str, indent: int) -> str:
     lines.append(current)
     joined = f"\n{inner}".join(lines)
     return f"{head} = (\n{inner}{joined}\n{' ' * indent})"
+
+
+def _pieces(body: str, width: int) -> list[str]:
+    """`body` split at its spaces before + and -, as deep inside parentheses as it takes to stay within `width`."""
+    for deepest in range(body.count("(") + 1):
+        depth, start, pieces = 0, 0, []
+        for position, letter in enumerate(body):
+            depth += (letter == "(") - (letter == ")")
+            if depth <= deepest and body[position : position + 3] in (" + ", " - "):
+                pieces.append(body[start:position])
+                start = position + 1
+        pieces.append(body[start:])
+        if max(map(len, pieces)) <= width:
+            break
+    return pieces

@@ -1,9 +1,12 @@
 """Filling the templates beside this module."""
 
 import json
+import textwrap
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+
+_WIDTH = 120
 
 _ENVIRONMENT = Environment(  # the output is code and Markdown, not HTML: nothing to escape
     loader=PackageLoader("derive.printing"),
@@ -24,7 +27,22 @@ def _docstring(text: str) -> str:
     return text.replace("\\", "\\\\").replace('"', '\\"') if "\\" in text or '"""' in text else text
 
 
-_ENVIRONMENT.filters |= {"literal": _literal, "docstring": _docstring}
+def _wrapped(value: object, indent: str, key: str = "") -> str:
+    """A Python literal, a long text in several parts; `key` stands before it on its line."""
+    whole = _literal(value)
+    if len(indent) + len(key) + len(whole) + 3 <= _WIDTH or not isinstance(value, str):
+        return whole
+    width = _WIDTH - len(indent) - 8
+    parts = [_literal(value[k : k + width]) for k in range(0, len(value), width)]
+    return "\n".join(["(", *(f"{indent}    {part}" for part in parts), f"{indent})"])
+
+
+def _filled(text: str) -> str:
+    """Running text in lines of the usual width."""
+    return textwrap.fill(text, _WIDTH, break_long_words=False, break_on_hyphens=False)
+
+
+_ENVIRONMENT.filters |= {"literal": _literal, "docstring": _docstring, "wrapped": _wrapped, "filled": _filled}
 
 
 def render(template: str, **context: Any) -> str:

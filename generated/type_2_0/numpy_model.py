@@ -450,6 +450,42 @@ def input_jacobian(x, u, w, p):
     return out
 
 
+@_function(p=10)
+def base_parameters(p):
+    """theta(p), forward form; equation (30), (82).
+
+    p: physical parameters, (10,)
+    Returns: shape (n_theta,) = (6,); 25 operations.
+    """
+    r = p[0]
+    b = p[1]
+    d = p[2]
+    m_C = p[4]
+    m_w = p[5]
+    I_m = p[6]
+    I_C = p[7]
+    K1 = p[8]
+    K2 = p[9]
+    term_1 = 2*m_w
+    mass_platform = m_C + term_1
+    mass_platform_inverse = 1/mass_platform
+    coriolis_v_v = 2*K2/r**2
+    term_3 = d*m_C
+    b_squared = b**2
+    inertia_platform = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
+    inertia_platform_inverse = 1/inertia_platform
+    coriolis_omega_omega = b_squared*coriolis_v_v
+    term_6 = K1/r
+    out = _empty((6,), p)
+    out[0] = coriolis_v_v*mass_platform_inverse
+    out[1] = mass_platform_inverse*term_3
+    out[2] = coriolis_omega_omega*inertia_platform_inverse
+    out[3] = inertia_platform_inverse*term_3
+    out[4] = mass_platform_inverse*term_6
+    out[5] = b*inertia_platform_inverse*term_6
+    return out
+
+
 @_function(q=3, c=1)
 def output(q, c):
     """y = h(q); equation (17).
@@ -529,42 +565,6 @@ def lie_f2_h(x, c):
     out = _empty((2,), x, c)
     out[0] = -cos_phi*term_1 - omega*sin_phi*v
     out[1] = cos_phi*omega*v - sin_phi*term_1
-    return out
-
-
-@_function(p=10)
-def base_parameters(p):
-    """theta(p), forward form; equation (30), (82).
-
-    p: physical parameters, (10,)
-    Returns: shape (n_theta,) = (6,); 25 operations.
-    """
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    K1 = p[8]
-    K2 = p[9]
-    term_1 = 2*m_w
-    mass_platform = m_C + term_1
-    mass_platform_inverse = 1/mass_platform
-    coriolis_v_v = 2*K2/r**2
-    term_3 = d*m_C
-    b_squared = b**2
-    inertia_platform = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
-    inertia_platform_inverse = 1/inertia_platform
-    coriolis_omega_omega = b_squared*coriolis_v_v
-    term_6 = K1/r
-    out = _empty((6,), p)
-    out[0] = coriolis_v_v*mass_platform_inverse
-    out[1] = mass_platform_inverse*term_3
-    out[2] = coriolis_omega_omega*inertia_platform_inverse
-    out[3] = inertia_platform_inverse*term_3
-    out[4] = mass_platform_inverse*term_6
-    out[5] = b*inertia_platform_inverse*term_6
     return out
 
 

@@ -23,7 +23,7 @@ MISTAKES = {
     "missing table": (
         '[outputs]\ny1 = "x + L*cos(phi)"\ny2 = "y + L*sin(phi)"',
         "",
-        ["outputs: missing", "add outputs"],
+        ["[outputs]: missing", "add outputs, or controller = false"],
     ),
     "missing key": ('radius = "r"\nmass', "mass", ["[[wheels]] 'right'", "missing 'radius'"]),
     "not TOML": ('name = "type_2_0"', "name = type_2_0", ["not valid TOML", "line 3"]),

@@ -45,6 +45,8 @@ class TrackingController:
         adaptation: GradientAdaptation | None = None,
         projection: Projection | None = None,
     ) -> None:
+        if not model.has("decoupling_matrix"):
+            raise MissingTermError(f"model {model.name} has no outputs to track; derive it with [outputs]")
         count = len(model.base_parameter_units)
         self.known = np.asarray(known, dtype=float)
         self.estimate = np.asarray(estimate, dtype=float)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from wmr_afl.laws.law import Law, Numbers, Situation, relative, times, transposed
+from wmr_input import Algebra, evaluate
 
 
 def _constraints_hold(s: Situation) -> float:
@@ -66,10 +67,19 @@ def _power_balance(s: Situation) -> float:
 
 
 def _motors_act_where_they_turn(s: Situation) -> float:
-    """Bbar K1 = X^T K1: each column is a multiple of the row of X."""
-    rows, columns = s.numpy.actuator_rates_matrix(s.q, s.p), transposed(s.numpy.input_matrix(s.q, s.p))
-    gain = np.sum(rows * columns, axis=-1, keepdims=True) / np.sum(rows * rows, axis=-1, keepdims=True)
-    return relative(columns, gain * rows)
+    """Bbar K1 = X^T K1, and the back-EMF's share in Cbar is X^T K2 X."""
+    rates = s.numpy.actuator_rates_matrix(s.q, s.p)
+    torque_gain, back_emf = (_of_motors(s, key)[:, None, :] for key in ("torque_gain", "back_emf"))
+    worst = relative(s.numpy.input_matrix(s.q, s.p), transposed(rates) * torque_gain)
+    return max(worst, relative(_damping(s), (transposed(rates) * back_emf) @ rates))
+
+
+def _of_motors(s: Situation, key: str) -> Numbers:
+    """A motor constant of every motor, from its formula in the physical parameters, (batch, n_u)."""
+    names = dict(zip(s.numpy.parameter_units, s.p.T, strict=True))
+    algebra = Algebra(names | {"pi": np.pi}, {"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan}, float)
+    values = [evaluate(motor[key], algebra) for motor in s.numpy.metadata["motors"].values()]
+    return np.stack(np.broadcast_arrays(*values, s.p[:, 0])[:-1], axis=-1)
 
 
 LAWS = (

@@ -39,7 +39,7 @@ class Plant:
         if integrator not in INTEGRATORS:
             raise UnknownNameError("integrator", integrator, INTEGRATORS)
         self.integrator, self.limits, self.noise = INTEGRATORS[integrator], limits, noise
-        self._loads = len(model.output_units)
+        self._loads = model.pseudo_velocity_count
 
     @property
     def values(self) -> dict[str, Vector]:

@@ -1,0 +1,194 @@
+"""Forward dynamics of every robot equal an independent derivation, which shares only the reader of arithmetic.
+
+The witness takes Lagrange's equations of the first kind from the description: poses as functions of the coordinates,
+every wheel's spin as one coordinate more, rates by automatic differentiation, and all conditions on rates, redundant
+ones too, as rows with multipliers. Nothing is projected, simplified or dropped.
+
+Spins have to be coordinates: with a rolling rate put into the energy first, Lagrange's equations would be wrong for
+Swedish wheels, by a force that does no work and that no law of energy notices.
+"""
+
+import math
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from tests.conftest import DESCRIPTIONS
+from wmr_afl import Model, load_model
+from wmr_input import Algebra, evaluate
+
+FUNCTIONS = {name: getattr(ca, name) for name in ("sin", "cos", "tan", "sqrt", "exp")}
+COUNT = 50  # random states
+TOLERANCE = 1e-9  # relative, entry by entry
+LARGEST_ANGLE = 1.0  # rad: keeps away from steering angles of 90 degrees, where models may be singular
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a frame is in the plane, as a function of the coordinates."""
+
+    origin: ca.SX  # [m]
+    heading: ca.SX  # [rad]
+
+    def point(self, at: ca.SX) -> ca.SX:
+        """The position of the frame's point `at`."""
+        return self.origin + ca.horzcat(direction(self.heading), direction(self.heading + math.pi / 2)) @ at
+
+
+class Witness:
+    """Lagrange's equations with multipliers of one described robot, in coordinates [q; spins of the wheels]."""
+
+    def __init__(self, description: dict, pseudo_velocities: dict[str, str]) -> None:
+        self.description = description
+        names, wheels = list(description["coordinates"]), description.get("wheels", [])
+        self.q = ca.SX.sym("q", len(names) + len(wheels))
+        self.rate = ca.SX.sym("rate", self.q.numel())
+        self.p = ca.SX.sym("p", len(description["parameters"]))
+        self.u = ca.SX.sym("u", len(description["motors"]))
+        self.w = ca.SX.sym("w", len(pseudo_velocities))
+        self.spin = {wheel["name"]: self.q[len(names) + i] for i, wheel in enumerate(wheels)}
+        self.names = {"pi": math.pi}
+        self.names |= dict(zip(description["parameters"], ca.vertsplit(self.p), strict=True))
+        for i, name in enumerate(names):
+            self.names |= {name: self.q[i], f"{name}_dot": self.rate[i]}
+        self.pose = {frame["name"]: self._pose(frame) for frame in description["frames"]}
+        v = ca.vertcat(*(self._value(text) for text in pseudo_velocities.values()))
+        self.function = ca.Function("witness", [self.q, self.rate, self.u, self.w, self.p], self._equations(v))
+
+    def state_derivative(self, x: np.ndarray, u: np.ndarray, w: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """x' = [q'; v'] at one state: rates from v, then accelerations and multipliers, both by least squares."""
+        n = len(self.description["coordinates"])
+        q, v = np.append(x[:n], np.zeros(len(self.spin))), x[n:]  # what is spun so far does not matter
+        A, _, N, *_ = self._numbers(q, 0 * q, u, w, p)
+        rate = least_squares(np.vstack([A, N]), np.append(np.zeros(len(A)), v))
+        A, A_drift, N, N_drift, M, force = self._numbers(q, rate, u, w, p)
+        system = np.block([[M, -A.T], [A, np.zeros((len(A), len(A)))]])
+        acceleration = least_squares(system, np.append(force, -A_drift))[: len(q)]
+        return np.append(rate[:n], N @ acceleration + N_drift)
+
+    def _numbers(self, *arguments: np.ndarray) -> list[np.ndarray]:
+        matrices = [value.full() for value in self.function(*arguments)]
+        return [value.ravel() if i in (1, 3, 5) else value for i, value in enumerate(matrices)]
+
+    def _equations(self, v: ca.SX) -> list[ca.SX]:
+        """A, A' rate, N, N' rate, M and f in A rate = 0, N rate = v, M rate' = f + A^T lambda."""
+        rows, energy = self._conditions(), self._energy()
+        momentum = ca.gradient(energy, self.rate)
+        A, N = ca.jacobian(rows, self.rate), ca.jacobian(v, self.rate)
+        force = self._motor_forces() - N.T @ self.w + ca.gradient(energy, self.q) - self._rate_of(momentum)
+        return [A, self._rate_of(rows), N, self._rate_of(v), ca.jacobian(momentum, self.rate), force]
+
+    def _energy(self) -> ca.SX:
+        """Kinetic energy: every mass at its own place, every wheel's own spin."""
+        energy = ca.SX(0)
+        for body in [*self.description.get("bodies", []), *self.description.get("wheels", [])]:
+            pose = self.pose[body["frame"]]
+            speed, turning = self._rate_of(pose.point(self._vector(body["at"]))), self._rate_of(pose.heading)
+            energy += self._value(body.get("mass", 0)) / 2 * ca.sumsqr(speed)
+            energy += self._value(body.get("inertia", 0)) / 2 * turning**2
+        for wheel in self.description.get("wheels", []):
+            energy += self._value(wheel.get("spin_inertia", 0)) / 2 * self._rate_of(self.spin[wheel["name"]]) ** 2
+        return energy
+
+    def _conditions(self) -> ca.SX:
+        """What vanishes: wheels' slip sideways and along, and the description's further constraints."""
+        rows = [self._value(constraint["expression"]) for constraint in self.description.get("constraints", [])]
+        for wheel in self.description.get("wheels", []):
+            pose = self.pose[wheel["frame"]]
+            speed = self._rate_of(pose.point(self._vector(wheel["at"])))
+            heading, roller = pose.heading + self._value(wheel.get("heading", 0)), ca.SX(0)
+            if "roller_angle" in wheel:
+                roller = self._value(wheel["roller_angle"])
+            else:
+                rows.append(ca.dot(direction(heading + math.pi / 2), speed))
+            rolled = self._value(wheel["radius"]) * self._rate_of(self.spin[wheel["name"]]) * ca.cos(roller)
+            rows.append(ca.dot(direction(heading + roller), speed) - rolled)
+        return ca.vertcat(*rows)
+
+    def _motor_forces(self) -> ca.SX:
+        """Generalized forces of the motors, from the virtual power torque times rate."""
+        frames = self.description["frames"]
+        joints = {frame["name"]: self._value(frame["angle"]) for frame in frames if "angle" in frame}
+        force = ca.SX(self.q.numel(), 1)
+        for motor, voltage in zip(self.description["motors"], ca.vertsplit(self.u), strict=True):
+            angle = (self.spin | joints)[motor["drives"]]
+            back_emf = self._value(motor.get("back_emf", 0)) * self._rate_of(angle)
+            force += ca.gradient(angle, self.q) * (self._value(motor["torque_gain"]) * voltage - back_emf)
+        return force
+
+    def _pose(self, frame: dict) -> Pose:
+        """The pose of a frame, from its parents' down from the root."""
+        if "parent" not in frame:
+            return Pose(self._vector(frame["position"]), self._value(frame["heading"]))
+        parent = self._pose(next(one for one in self.description["frames"] if one["name"] == frame["parent"]))
+        return Pose(parent.point(self._vector(frame["at"])), parent.heading + self._value(frame["angle"]))
+
+    def _rate_of(self, value: ca.SX) -> ca.SX:
+        return ca.jacobian(value, self.q) @ self.rate
+
+    def _vector(self, texts: list) -> ca.SX:
+        return ca.vertcat(*map(self._value, texts))
+
+    def _value(self, text: str | float) -> ca.SX:
+        return ca.SX(evaluate(str(text), Algebra(self.names, FUNCTIONS, float)))
+
+
+def direction(angle: ca.SX) -> ca.SX:
+    """The unit vector at `angle`."""
+    return ca.vertcat(ca.cos(angle), ca.sin(angle))
+
+
+def least_squares(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """The shortest solution, as redundant rows leave multipliers free."""
+    return np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Random states, voltages, loads and parameters of one robot, and what the witness says of them."""
+
+    model: Model
+    arguments: tuple[np.ndarray, ...]  # x, u, w, p, a row each state
+    expected: np.ndarray  # x'
+
+    def deviation(self, state_derivative: Callable[..., np.ndarray]) -> float:
+        """The largest deviation from the witness, relative to the entry or its median over the states."""
+        size = np.abs(self.expected)
+        difference = np.abs(state_derivative(*self.arguments) - self.expected)
+        return float(np.max(difference / np.maximum(size, np.median(size, axis=0))))
+
+
+@pytest.fixture
+def sample(robot: str) -> Sample:
+    model, description = load_model(robot), tomllib.loads(DESCRIPTIONS[robot].read_text(encoding="utf-8"))
+    formulas = description.get("pseudo_velocities", model.findings["pseudo_velocities"])
+    witness = Witness(description, formulas)
+    arguments = random_arguments(model)
+    expected = np.array([witness.state_derivative(*row) for row in zip(*arguments, strict=True)])
+    return Sample(model, arguments, expected)
+
+
+def random_arguments(model: Model) -> tuple[np.ndarray, ...]:
+    """x, u, w, p: moderate angles, parameters within 20 % of their defaults."""
+    random = np.random.default_rng(11)
+    x = random.normal(size=(COUNT, len(model.state_units)))
+    angles = [i for i, unit in enumerate(model.state_units.values()) if unit == "rad"]
+    x[:, angles] = random.uniform(-LARGEST_ANGLE, LARGEST_ANGLE, (COUNT, len(angles)))
+    u = random.normal(scale=10.0, size=(COUNT, len(model.input_units)))
+    w = random.normal(scale=10.0, size=(COUNT, len(model.output_units)))
+    p = model.parameters() * random.uniform(0.8, 1.2, (COUNT, len(model.parameter_units)))
+    return x, u, w, p
+
+
+def test_forward_dynamics_equal_an_independent_derivation(sample: Sample) -> None:
+    assert sample.deviation(sample.model.state_derivative) <= TOLERANCE
+
+
+def test_a_millionth_more_in_any_rate_is_noticed(sample: Sample) -> None:
+    for factor in 1 + 1e-6 * np.eye(sample.expected.shape[1]):
+        deviation = sample.deviation(lambda *given, factor=factor: factor * sample.model.state_derivative(*given))
+        assert deviation > TOLERANCE

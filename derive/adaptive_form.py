@@ -16,6 +16,7 @@ from sympy import Expr, Matrix, Symbol
 from derive.dynamics import Dynamics
 from derive.kinematics import Kinematics
 from derive.linear_solve import adjugate_over_determinant
+from derive.nonlinearity import Obstacle, obstacle
 from derive.parametrization import LinearMap, linear_map
 from derive.separation import NotSeparable, Parameters
 from derive.trigonometry import factored
@@ -33,7 +34,7 @@ class AdaptiveForm:
     regressor: Matrix | None  # of v' = Y(x, u, c) theta, (n-m, n_theta), where `forward`
     accelerations: tuple[Symbol, ...]  # a
     inverse: LinearMap | None  # u = Y_u(x, a, c) pi
-    obstacle: Expr | None  # the factor that mixes state and uncertain parameters, where not `forward`
+    obstacle: Obstacle | None  # why there is no forward form, where there is none
 
 
 def adaptive_form(kinematics: Kinematics, dynamics: Dynamics, parameters: Parameters) -> AdaptiveForm:
@@ -49,14 +50,15 @@ def adaptive_form(kinematics: Kinematics, dynamics: Dynamics, parameters: Parame
     try:
         forward = linear_map(unloaded, dynamics.inputs, parameters, terms, value)
     except NotSeparable as error:
+        hindered = obstacle(error.factor, unloaded, parameters, terms)
         if inverse is not None:
             theta = _theta(len(inverse.base_parameters), kinematics)
             drift, gain = _inverted(inverse, theta, kinematics)
-            return AdaptiveForm("inverse", theta, inverse.base_parameters, drift, gain, None, a, inverse, error.factor)
+            return AdaptiveForm("inverse", theta, inverse.base_parameters, drift, gain, None, a, inverse, hindered)
         theta = tuple(p for p in kinematics.robot.parameters if p in parameters.uncertain)
         drift = _without(unloaded, dynamics.inputs, kinematics)
         gain = Matrix.hstack(*(unloaded.applyfunc(lambda e, u=u: terms.partial(e, u)) for u in dynamics.inputs))
-        return AdaptiveForm("physical", theta, theta, drift, gain, None, a, None, error.factor)
+        return AdaptiveForm("physical", theta, theta, drift, gain, None, a, None, hindered)
     theta = _theta(len(forward.base_parameters), kinematics)
     drift = _named([f"{s.name}_drift" for s in v], forward.drift * Matrix(theta), kinematics)
     gain = Matrix.hstack(*(slope * Matrix(theta) for slope in forward.slopes))

@@ -13,7 +13,7 @@ from derive.kinematics import Kinematics
 from derive.linearization import Linearization
 from derive.trigonometry import factored
 
-_LONGEST = 200  # operations; longer determinants are left as they are
+_LONGEST = 100  # operations; longer determinants are left as they are
 _READABLE = 25  # operations; longer denominators are told apart
 DENOMINATOR = Symbol("Delta")
 

@@ -97,6 +97,7 @@ class Point:
         self.seed = seed
         self.definitions = definitions or {}
         self._memo: dict[Expr, Element] = dict(values or {})
+        self._turned: dict[Expr, tuple[Element, Element]] = {}
 
     def __call__(self, expression: Expr) -> Element:
         """The value of `expression` here.
@@ -138,8 +139,8 @@ class Point:
         if expression.is_Pow:
             return self._power(*expression.args)
         if isinstance(expression, sp.sin | sp.cos | sp.tan):
-            unit = self._unit(expression.args[0])
-            cosine, sine = _HALF * (unit + 1 / unit), _HALF / IMAGINARY * (unit - 1 / unit)
+            unit, inverse = self._units(expression.args[0])
+            cosine, sine = _HALF * (unit + inverse), _HALF / IMAGINARY * (unit - inverse)
             return cosine if expression.func == sp.cos else sine if expression.func == sp.sin else sine / cosine
         if isinstance(expression, sp.exp):
             value = self(expression.args[0])
@@ -168,6 +169,13 @@ class Point:
         if isinstance(value, Dual):
             return value.square_root(lambda number: FIELD(_any_root(int(number))))
         return FIELD(_any_root(int(value)))
+
+    def _units(self, angle: Expr) -> tuple[Element, Element]:
+        """exp(i angle) and exp(-i angle); sine and cosine share them."""
+        if angle not in self._turned:
+            unit = self._unit(angle)
+            self._turned[angle] = unit, 1 / unit
+        return self._turned[angle]
 
     def _unit(self, angle: Expr) -> Element:
         """exp(i angle)."""

@@ -10,6 +10,9 @@ from sympy import Matrix
 from derive.derivation import Control, Derivation
 from derive.internal_dynamics import StraightLine
 from derive.linearization import relative_degree
+from derive.nonlinearity import Obstacle
+
+_READABLE = 60  # operations; longer denominators are told by their name
 
 
 def findings(derivation: Derivation) -> dict[str, Any]:
@@ -30,9 +33,12 @@ def findings(derivation: Derivation) -> dict[str, Any]:
             v.name: str(sum((c * rate for rate, c in form.items()), sp.S.Zero))
             for v, form in d.kinematics.pseudo_velocities.items()
         },
+        "degenerate_configurations": None
+        if mobility.degenerate is None
+        else [" and ".join(f"{condition} = 0" for condition in one) for one in mobility.degenerate],
         "kinematic_singularities": [f"{factor} = 0" for factor in d.kinematics.singularities],
         "parametrization": d.adaptive.kind,
-        "parametrization_obstacle": None if d.adaptive.obstacle is None else str(d.adaptive.obstacle),
+        "parametrization_obstacle": None if d.adaptive.obstacle is None else _obstacle(d, d.adaptive.obstacle),
         **({} if d.control is None else _of_control(d, d.control)),
     }
 
@@ -54,6 +60,18 @@ def _of_control(d: Derivation, control: Control) -> dict[str, Any]:
         "internal_coordinates": [z.name for z in internal.free],
         "internal_dynamics": None if internal.equation is None else _rows(internal.equation),
         "straight_line": None if line is None else _straight_line(line),
+    }
+
+
+def _obstacle(d: Derivation, obstacle: Obstacle) -> dict[str, Any]:
+    denominator = sp.fraction(obstacle.factor)[1]
+    expanded = d.terms.expand(denominator)
+    return {
+        "denominator": str(expanded if sp.count_ops(expanded) <= _READABLE else denominator),
+        "mixes_state_and_parameters": obstacle.is_mixed,
+        "rank_of_values": obstacle.rank,
+        "states_and_parameter_sets": obstacle.samples,
+        "is_proof": obstacle.is_proof,
     }
 
 

@@ -17,6 +17,8 @@ from derive.linearization import Linearization
 from derive.terms import Terms
 from derive.trigonometry import shortest
 
+_READABLE = 100  # operations
+
 
 @dataclass(frozen=True)
 class StraightLine:
@@ -58,6 +60,7 @@ def internal_dynamics(kinematics: Kinematics, linearization: Linearization) -> I
     if sp.count_ops(output_map) + sp.count_ops(kinematic) < 100:
         inverse = adjugate_over_determinant(output_map, scratch, "determinant").applyfunc(scratch.expand)
         equation = (kinematic.extract(rows, list(range(len(kinematics.v)))) * inverse).applyfunc(shortest)
+        equation = equation if sp.count_ops(equation) <= _READABLE else None
     return InternalDynamics(free, equation, _straight_line(kinematics, linearization, free))
 
 

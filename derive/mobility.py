@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from sympy import Matrix
 
-from derive.constraints import slip_origin
+from derive.constraints import Constraints, slip_origin
+from derive.degenerate import Conditions, degenerate_configurations
 from derive.distribution import Growth, annihilates, bracket_growth
 from derive.kinematics import Kinematics
 
@@ -19,6 +20,7 @@ class Mobility:
     degree_of_steerability: int  # delta_s: further pseudo-velocities that turn centred conventional wheels
     growth: Growth
     holonomic: tuple[str, ...]  # origins of the constraints that can be integrated
+    degenerate: tuple[Conditions, ...] | None  # where the rank of A drops; None where that was not examined
 
     @property
     def type_name(self) -> str:
@@ -33,7 +35,7 @@ class Mobility:
         return f"nonholonomic with {self.growth.integrable} integrable combination(s)"
 
 
-def classify(kinematics: Kinematics) -> Mobility:
+def classify(kinematics: Kinematics, constraints: Constraints) -> Mobility:
     """The mobility of a robot."""
     terms, v = kinematics.terms, kinematics.v
     root = kinematics.velocities[kinematics.robot.frames[0].name]
@@ -47,6 +49,7 @@ def classify(kinematics: Kinematics) -> Mobility:
         degree_of_steerability=terms.rank(Matrix.vstack(root_map, *steering)) - mobility,
         growth=growth,
         holonomic=tuple(o for o, i in rows if annihilates(kinematics.constraint_matrix[i, :], growth, kinematics)),
+        degenerate=degenerate_configurations(kinematics.robot, constraints),
     )
 
 

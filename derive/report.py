@@ -51,6 +51,10 @@ class _Tex:
             self._open.extend([expression] if isinstance(expression, sp.Expr) else list(expression))
         return self.plain(expanded)
 
+    def denominator(self, expression: Expr) -> str:
+        """The denominator of `expression`."""
+        return self(sp.fraction(expression)[1])
+
     def expanded(self, expression: Expr) -> str:
         """`expression` in the user's symbols, however long."""
         return self.plain(sp.factor_terms(self.derivation.terms.expand(expression)))

@@ -6,14 +6,16 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wmr_afl import references
 from wmr_afl.closed_loop import ClosedLoop
 from wmr_afl.controllers import GradientAdaptation, LinearizingLaw, OuterLoop, Projection, TrackingController
 from wmr_afl.errors import InputError, UnknownNameError, WmrError
-from wmr_afl.experiment import ControllerTable, Experiment, Named, ReferenceTable
+from wmr_afl.experiment import AdaptationTable, ControllerTable, Experiment, Named, ReferenceTable
 from wmr_afl.model import Model, Vector, load_model
 from wmr_afl.plant import InputLimits, MeasurementNoise, Plant
 from wmr_afl.references import Reference
@@ -126,22 +128,26 @@ class _Assembly:
             if table.outer_loop is None:
                 raise WmrError("is missing; add outer_loop = { b1 = ..., b2 = ... } here or under [shared]")
             outer_loop = OuterLoop(outputs, **table.outer_loop.model_dump())
+        with self.at(place("guess")):
+            guessed = {**self.experiment.parameters, **table.guess}
+            if table.guess and table.estimate != "exact":
+                raise WmrError("stands beside an estimate; give one of them")
+            guess = model.base_parameters(model.parameters(**guessed))
         with self.at(place("estimate")):
-            if table.estimate == "exact":
+            if table.guess:
+                estimate = guess
+            elif table.estimate == "exact":
                 estimate = model.base_parameters(self.parameters)
             else:
                 estimate = by_name("base parameter", table.estimate, thetas)
         adaptation = None
         if table.adaptation is not None:
             with self.at(place("adaptation")):
-                gain = table.adaptation.gain
-                adaptation = GradientAdaptation(
-                    len(thetas), by_name("base parameter", gain, thetas) if isinstance(gain, dict) else gain
-                )
+                adaptation = GradientAdaptation(len(thetas), _gain(table.adaptation, estimate, thetas))
         with self.at(place("projection")):
             if adaptation is None and "projection" in self.experiment.controllers[name].model_fields_set:
                 raise WmrError("bounds estimates that nothing adapts; add adaptation, or leave it out")
-            projection = self._projection(table, thetas)
+            projection = self._projection(table, estimate, thetas)
             if adaptation is not None:
                 projection.check(estimate, thetas)
         with self.at(place("input_weights")):
@@ -150,7 +156,7 @@ class _Assembly:
             known = model.known(self.parameters)
             return TrackingController(model, known, estimate, outer_loop, law, adaptation, projection)
 
-    def _projection(self, table: ControllerTable, thetas: list[str]) -> Projection:
+    def _projection(self, table: ControllerTable, estimate: Vector, thetas: list[str]) -> Projection:
         def bounds(given: float | dict[str, float] | None, open_end: float) -> Vector:
             if given is None:
                 return np.full(len(thetas), open_end)
@@ -161,7 +167,18 @@ class _Assembly:
 
         if table.projection is None:
             return Projection(len(thetas))
+        if table.projection.relative is not None:
+            room = table.projection.relative * np.abs(estimate)
+            return Projection(len(thetas), estimate - room, estimate + room)
         return Projection(len(thetas), bounds(table.projection.lower, -np.inf), bounds(table.projection.upper, np.inf))
+
+
+def _gain(table: AdaptationTable, estimate: Vector, thetas: list[str]) -> ArrayLike:
+    """Gamma, or its diagonal."""
+    if table.relative_gain is not None:
+        return np.asarray(table.relative_gain * estimate**2)
+    gain: Any = table.gain
+    return by_name("base parameter", gain, thetas) if isinstance(gain, dict) else gain
 
 
 def by_name(kind: str, given: Named, names: Sequence[str], missing: float | None = None) -> Vector:

@@ -90,6 +90,27 @@ app.command()(derive)
 
 
 @app.command()
+def check(model: Annotated[str, typer.Argument(help="A shipped model, or a folder that derive has written.")]) -> None:
+    """Check that a model obeys every law: mechanics, linearization, base parameters, code; exit with 1 where not."""
+    from wmr_afl.laws import LAWS, Situation
+
+    with _reporting():
+        situation = Situation(model)
+    table = Table("law", "what must hold", "deviation", "at most", "", box=None, header_style="bold")
+    obeyed = True
+    for law in (law for law in LAWS if law.applies(situation.numpy)):
+        deviation = law.deviation(situation)
+        holds = deviation <= law.tolerance  # also where the deviation is not a number
+        table.add_row(
+            law.name, escape(law.statement), f"{deviation:.1e}", f"{law.tolerance:g}", "" if holds else "BROKEN"
+        )
+        obeyed = obeyed and holds
+    _console.print(table)
+    if not obeyed:
+        raise typer.Exit(1)
+
+
+@app.command()
 def simulate(
     experiment: Annotated[str, typer.Argument(help="A shipped experiment, or a TOML file.")],
     out: Out = Path("results"),

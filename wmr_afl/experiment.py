@@ -127,16 +127,33 @@ class OuterLoopTable(_Table):
 
 
 class AdaptationTable(_Table):
-    """(25)"""
+    """(25); `relative_gain` g gives Gamma_i = g theta_hat_i(0)^2, for base parameters that differ in size and unit."""
 
-    gain: Gain
+    gain: Gain | None = None
+    relative_gain: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_gain(self) -> AdaptationTable:
+        if (self.gain is None) == (self.relative_gain is None):
+            raise ValueError("names no or two gains; give gain or relative_gain")
+        return self
 
 
 class ProjectionTable(_Table):
-    """Remark 7; a plain number bounds the estimates that enter det Dhat, names bound those named."""
+    """Remark 7; a plain number bounds the estimates that enter det Dhat, names bound those named.
+
+    `relative` r keeps every estimate within theta_hat(0) +- r |theta_hat(0)|.
+    """
 
     lower: ByName | None = None
     upper: ByName | None = None
+    relative: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_kind_of_bound(self) -> ProjectionTable:
+        if self.relative is not None and (self.lower is not None or self.upper is not None):
+            raise ValueError("names relative and absolute bounds; give relative, or lower and upper")
+        return self
 
 
 class ControllerTable(_Table):
@@ -144,6 +161,7 @@ class ControllerTable(_Table):
 
     outer_loop: OuterLoopTable | None = None
     estimate: Estimate = "exact"
+    guess: dict[str, Number] = {}  # physical parameters as the controller believes them, in the place of `estimate`
     adaptation: AdaptationTable | None = None
     projection: ProjectionTable | None = None
     input_weights: Numbers = 1.0

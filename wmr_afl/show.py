@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from rich.console import RenderableType
 from rich.markup import escape
@@ -27,28 +28,34 @@ def describe(model: Model) -> Iterator[RenderableType]:
     facts.add_row("state", _with_units(model.state_units))
     facts.add_row("inputs", _with_units(model.input_units))
     facts.add_row("outputs", _with_units(model.output_units))
-    facts.add_row("pseudo-velocities", "; ".join(f"{v} = {form}" for v, form in found["pseudo_velocities"].items()))
+    facts.add_row("pseudo-velocities", "\n".join(f"{v} = {form}" for v, form in found["pseudo_velocities"].items()))
+    facts.add_row("", _where("not defined", found["kinematic_singularities"]) or "smooth everywhere")
     facts.add_row("constraints", f"{len(found['constraint_rows'])}, {found['constraints']}")
     for row in found["constraint_rows"]:
-        facts.add_row("", escape(row))
+        holonomic = " (can be integrated)" if row in found["holonomic_rows"] else ""
+        facts.add_row("", escape(row + holonomic))
     for row in found["dropped_rows"]:
         facts.add_row("", escape(f"follows from these: {row}"))
+    degenerate = found["degenerate_configurations"]
+    facts.add_row(
+        "degenerate", "not examined" if degenerate is None else _where("more motion", degenerate) or "nowhere"
+    )
     facts.add_row("degree of nonholonomy", f"{found['degree_of_nonholonomy']} (growth of brackets {growth})")
     facts.add_row("controllable", "yes, in small time" if found["controllable"] else "no")
-    facts.add_row(
-        "relative degree", ", ".join(f"{output}: {degree}" for output, degree in found["relative_degree"].items())
-    )
-    facts.add_row("det D", found["det_decoupling_matrix"])
-    facts.add_row("singular where", " or ".join(found["singular_where"]) or "nowhere")
-    facts.add_row("known constants", _with_units(model.known_units) or "none")
-    facts.add_row("internal coordinates", ", ".join(found["internal_coordinates"]) or "none")
-    line = found["straight_line"]
-    if line:
-        values = ", ".join(line["eigenvalues"]) or ", ".join(str(v) for v in line["eigenvalues_at_defaults"])
+    obstacle = found["parametrization_obstacle"]
+    if obstacle:
+        facts.add_row("no forward form", f"the denominator {obstacle['denominator']} mixes state and parameters;")
+        proof = "which proves it" if obstacle["is_proof"] else "which proves nothing"
+        count = obstacle["states_and_parameter_sets"]
         facts.add_row(
-            "along a straight line",
-            f"{line['forward']} forward, {line['backward']} backward; eigenvalues per speed: {values}",
+            "", f"values at {count} states and parameter sets have rank {obstacle['rank_of_values']}, {proof}"
         )
+    facts.add_row("known constants", _with_units(model.known_units) or "none")
+    if model.has("decoupling_matrix"):
+        for name, text in _control(found):
+            facts.add_row(name, text)
+    else:
+        facts.add_row("controller", "none: the description wants the model alone")
     yield facts
     base = Table(
         "base parameter",
@@ -71,6 +78,26 @@ def describe(model: Model) -> Iterator[RenderableType]:
             name, f"{model.metadata['defaults'][name]:g}", unit, role, escape(model.metadata["about"][name])
         )
     yield physical
+
+
+def _control(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What the outputs and the decoupling matrix are like."""
+    yield "relative degree", ", ".join(f"{output}: {degree}" for output, degree in found["relative_degree"].items())
+    yield f"det {found['determinant_of']}", found["det_decoupling_matrix"]
+    if "Delta" in found["det_decoupling_matrix"]:
+        where = " and stands in model.json" if found["det_denominator"] else ""
+        yield "", f"Delta is the determinant of an inertia, which does not vanish{where}"
+    yield "singular where", " or ".join(found["singular_where"]) or "nowhere"
+    yield "internal coordinates", ", ".join(found["internal_coordinates"]) or "none"
+    line = found["straight_line"]
+    if line:
+        values = ", ".join(line["eigenvalues"]) or ", ".join(str(v) for v in line["eigenvalues_at_defaults"])
+        verdict = f"{line['forward']} forward, {line['backward']} backward; eigenvalues per speed: {values}"
+        yield "along a straight line", verdict
+
+
+def _where(what: str, conditions: list[str]) -> str:
+    return f"{what} where {' or '.join(conditions)}" if conditions else ""
 
 
 def _with_units(units: dict[str, str]) -> str:

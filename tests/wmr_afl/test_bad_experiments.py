@@ -66,7 +66,7 @@ MISTAKES = {
         ["[shared] outer_loop", "strictly positive real"],
     ),
     "no outer loop": ("outer_loop = {", "# outer_loop = {", ["[controllers.AFL] outer_loop", "[shared]"]),
-    "unknown shared key": ("estimate = 1.0", "guess = 1.0", ["[shared]", "'guess'", "estimate"]),
+    "unknown shared key": ("estimate = 1.0", "hunch = 1.0", ["[shared]", "'hunch'", "estimate"]),
     "negative duration": ("duration = 0.1", "duration = -1.0", ["[simulation] duration", "greater than 0"]),
     "not a number": ("x = 15.0", 'x = "east"', ["[start] x", "a number"]),
     "infinite": ("x = 15.0", "x = inf", ["[start] x", "finite"]),

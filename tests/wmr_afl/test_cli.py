@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -24,7 +25,7 @@ def run(*arguments: object, cwd: Path = ROOT) -> subprocess.CompletedProcess[str
     )
 
 
-@pytest.mark.parametrize("verb", [[], ["models"], ["show"], ["derive"], ["simulate"], ["reproduce"]])
+@pytest.mark.parametrize("verb", [[], ["models"], ["show"], ["derive"], ["check"], ["simulate"], ["reproduce"]])
 def test_help_tells_a_newcomer_what_there_is(verb: list[str]) -> None:
     done = run(*verb, "--help")
     assert done.returncode == 0
@@ -57,6 +58,18 @@ def test_show_tells_what_was_found() -> None:
     out = run("show", "type_2_0").stdout
     for word in ("theta6", "2*K2/(r**2*(m_C + 2*m_w))", "completely nonholonomic", "-2*L*theta5*theta6", "look-ahead"):
         assert word in out
+
+
+def test_check_runs_the_laws_on_a_folder_and_fails_where_one_is_broken(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "generated" / "type_1_1", tmp_path / "mine")
+    done = run("check", tmp_path / "mine")
+    assert done.returncode == 0, done.stdout
+    assert "skew" in done.stdout
+    module = tmp_path / "mine" / "numpy_model.py"
+    module.write_text(module.read_text().replace("term_1 = ", "term_1 = 1.001*", 1))
+    done = run("check", tmp_path / "mine")
+    assert done.returncode == 1
+    assert "BROKEN" in done.stdout
 
 
 def test_simulate_writes_samples_metrics_and_figures(tmp_path: Path) -> None:

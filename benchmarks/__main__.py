@@ -4,9 +4,9 @@ import sys
 
 from rich.console import Console
 
-from benchmarks import controller_step, terms
+from benchmarks import controller_step, growth, terms
 
-BENCHMARKS = {"terms": terms.measure, "controller_step": controller_step.measure}
+BENCHMARKS = {"terms": terms.measure, "controller_step": controller_step.measure, "growth": growth.measure}
 
 
 def main() -> int:
@@ -16,7 +16,7 @@ def main() -> int:
             print(f"error: unknown benchmark {name!r}; there is {', '.join(BENCHMARKS)}", file=sys.stderr)
             return 2
     for name in wanted:
-        Console(width=140).print(BENCHMARKS[name]())
+        Console(width=150, markup=False).print(BENCHMARKS[name]())
     return 0
 
 

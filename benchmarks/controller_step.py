@@ -23,7 +23,7 @@ def measure() -> Table:
 
     def controller() -> object:
         action = loop.controller.act(x, reference, z, k, language)
-        return loop.controller.update(x, action, z, k, loop.sample_time, language)
+        return loop.controller.update(x, action, action.input, z, k, loop.sample_time, language)
 
     runs = {backend: (lambda b=backend: simulate(loop, 20.0, backend=b)) for backend in ("numpy", "casadi")}
     stepwise, traced = runs["numpy"](), runs["casadi"]()

@@ -10,6 +10,7 @@ from sympy import Expr
 
 from derive.derivation import Derivation
 from derive.findings import findings
+from derive.geometry import geometry
 from derive.quantities import arguments_of, unit_text, units_of
 
 
@@ -33,6 +34,7 @@ class Metadata:
     parametrization: str
     inverse_base_parameters: dict[str, str]
     inverse_base_parameter_formulas: dict[str, str]
+    geometry: dict[str, dict[str, dict[str, str]]]
     findings: dict[str, Any]
 
 
@@ -75,5 +77,6 @@ def describe(derivation: Derivation) -> Metadata:
         parametrization=d.adaptive.kind,
         inverse_base_parameters={name: unit_text(e, units, d) for name, e in zip(pi_names, pi, strict=True)},
         inverse_base_parameter_formulas={name: formula(e) for name, e in zip(pi_names, pi, strict=True)},
+        geometry=geometry(d.robot),
         findings=findings(derivation),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +13,22 @@ from numpy.typing import ArrayLike
 
 from wmr_afl import references
 from wmr_afl.closed_loop import ClosedLoop
-from wmr_afl.controllers import GradientAdaptation, LinearizingLaw, OuterLoop, Projection, TrackingController
+from wmr_afl.controllers import (
+    GradientAdaptation,
+    Leakage,
+    LinearizingLaw,
+    Normalization,
+    OuterLoop,
+    Projection,
+    RobustTerm,
+    TrackingController,
+)
+from wmr_afl.effects import build_effects
 from wmr_afl.errors import InputError, UnknownNameError, WmrError
-from wmr_afl.experiment import AdaptationTable, ControllerTable, Experiment, Named, ReferenceTable
+from wmr_afl.experiment import AdaptationTable, ControllerTable, Experiment, ReferenceTable
 from wmr_afl.model import Model, Vector, load_model
-from wmr_afl.plant import InputLimits, MeasurementNoise, Plant
+from wmr_afl.naming import by_name
+from wmr_afl.plant import Plant
 from wmr_afl.references import Reference
 
 
@@ -83,18 +94,10 @@ class _Assembly:
         return load_model(beside if (beside / "model.json").is_file() else name)
 
     def _plant(self) -> Plant:
-        uncertainties, states = self.experiment.uncertainties, list(self.model.state_units)
-        limits = noise = None
-        if uncertainties.input_limits is not None:
-            with self.at("[uncertainties.input_limits] volts"):
-                limits = InputLimits(len(self.model.input_units), uncertainties.input_limits.volts)
-        if uncertainties.measurement_noise is not None:
-            with self.at("[uncertainties.measurement_noise] deviation"):
-                deviation = by_name("state", uncertainties.measurement_noise.deviation, states, missing=0.0)
-                noise = MeasurementNoise(len(states), deviation, uncertainties.measurement_noise.seed)
+        effects = build_effects(self.experiment, self.model, self.at)
         with self.at("[start]"):
-            start = by_name("state", self.experiment.start, states, missing=0.0)
-            return Plant(self.model, self.parameters, start, self.experiment.simulation.integrator, limits, noise)
+            start = by_name("state", self.experiment.start, list(self.model.state_units), missing=0.0)
+            return Plant(self.model, self.parameters, start, self.experiment.simulation.integrator, **effects)
 
     def _reference(self, table: ReferenceTable) -> Reference:
         outputs = list(self.model.output_units)
@@ -143,7 +146,7 @@ class _Assembly:
         adaptation = None
         if table.adaptation is not None:
             with self.at(place("adaptation")):
-                adaptation = GradientAdaptation(len(thetas), _gain(table.adaptation, estimate, thetas))
+                adaptation = _adaptation(table.adaptation, estimate, thetas)
         with self.at(place("projection")):
             if adaptation is None and "projection" in self.experiment.controllers[name].model_fields_set:
                 raise WmrError("bounds estimates that nothing adapts; add adaptation, or leave it out")
@@ -152,9 +155,11 @@ class _Assembly:
                 projection.check(estimate, thetas)
         with self.at(place("input_weights")):
             law = LinearizingLaw(len(model.input_units), table.input_weights)
+        with self.at(place("robust")):
+            robust = None if table.robust is None else RobustTerm(**table.robust.model_dump())
         with self.at(f"[controllers.{name}]"):
             known = model.known(self.parameters)
-            return TrackingController(model, known, estimate, outer_loop, law, adaptation, projection)
+            return TrackingController(model, known, estimate, outer_loop, law, adaptation, projection, robust)
 
     def _projection(self, table: ControllerTable, estimate: Vector, thetas: list[str]) -> Projection:
         def bounds(given: float | dict[str, float] | None, open_end: float) -> Vector:
@@ -173,30 +178,19 @@ class _Assembly:
         return Projection(len(thetas), bounds(table.projection.lower, -np.inf), bounds(table.projection.upper, np.inf))
 
 
+def _adaptation(table: AdaptationTable, estimate: Vector, thetas: list[str]) -> GradientAdaptation:
+    leakage = None
+    if table.leakage is not None:
+        missing = 0.0 if isinstance(table.leakage, dict) else None
+        leakage = Leakage(len(thetas), by_name("base parameter", table.leakage, thetas, missing))
+    normalization = None if table.normalization is None else Normalization(table.normalization)
+    gain = _gain(table, estimate, thetas)
+    return GradientAdaptation(len(thetas), gain, leakage, normalization, table.input == "applied")
+
+
 def _gain(table: AdaptationTable, estimate: Vector, thetas: list[str]) -> ArrayLike:
     """Gamma, or its diagonal."""
     if table.relative_gain is not None:
         return np.asarray(table.relative_gain * estimate**2)
     gain: Any = table.gain
     return by_name("base parameter", gain, thetas) if isinstance(gain, dict) else gain
-
-
-def by_name(kind: str, given: Named, names: Sequence[str], missing: float | None = None) -> Vector:
-    """Numbers told as one for all, as a list in order, or by name -> (len(names),).
-
-    Raises: UnknownNameError; WmrError, where some are missing.
-    """
-    if isinstance(given, dict):
-        for name in given:
-            if name not in names:
-                raise UnknownNameError(kind, name, names)
-        left = [name for name in names if name not in given]
-        if left and missing is None:
-            raise WmrError(f"{kind} {left[0]!r} is missing; add {left[0]} = ...")
-        return np.array([given.get(name, missing) for name in names], dtype=float)
-    array = np.asarray(given, dtype=float)
-    if array.shape not in ((), (len(names),)):
-        raise WmrError(
-            f"{array.size} numbers for {len(names)}; give one for all, or one for each of {', '.join(names)}"
-        )
-    return np.broadcast_to(array, (len(names),)).copy()

@@ -142,10 +142,13 @@ def reproduce(
     out: Out = Path("results"),
     backend: BackendOption = "auto",
 ) -> None:
-    """Draw the paper's figures."""
+    """Draw the paper's figures; without names all of them, and report.html with its claims beside what was measured."""
     from wmr_afl import plots
+    from wmr_afl.beyond import beyond
+    from wmr_afl.claims import CLAIMS
     from wmr_afl.experiment import read_experiment
     from wmr_afl.figures import FIGURES, draw
+    from wmr_afl.report import write_report
     from wmr_afl.results import check_writable, write_results
 
     with _reporting():
@@ -154,14 +157,34 @@ def reproduce(
             if name not in FIGURES:
                 raise UnknownNameError("figure", name, FIGURES)
         check_writable(out)
-        for experiment in dict.fromkeys(FIGURES[name].experiment for name in wanted):
-            runs = _run_with_progress(experiment, backend, None)
+        studies, pictures = {}, {}
+        claimed = [] if figures else [claim.experiment for claim in CLAIMS]
+        for experiment in dict.fromkeys([*(FIGURES[name].experiment for name in wanted), *claimed]):
+            runs = studies[experiment] = _run_with_progress(experiment, backend, None)
             write_results(runs, out / experiment)
             _print_metrics(read_experiment(experiment)[0].title, runs)
             for name in wanted:
                 if FIGURES[name].experiment == experiment:
                     png, svg = plots.save(draw(name, runs), out / name)
+                    pictures[name] = png
                     _console.print(escape(f"{name}: {png}, {svg}"), highlight=False)
+        if not figures:
+            with _errors.status("beyond the paper"):
+                rows = list(beyond("study_2", {"m_C": 20.0}))
+            _console.print(
+                escape(f"report: {write_report(studies, pictures, rows, out / 'report.html')}"), highlight=False
+            )
+            _print_verdicts(studies)
+
+
+def _print_verdicts(studies: dict[str, dict[str, Run]]) -> None:
+    from wmr_afl.claims import CLAIMS
+
+    table = Table("study", "the paper's claim", "measured", "")
+    for claim in CLAIMS:
+        verdict = claim.judge(studies[claim.experiment])
+        table.add_row(claim.experiment, verdict.claim, verdict.measured, "met" if verdict.is_met else "not met")
+    _console.print(table)
 
 
 def _run_with_progress(experiment: str, backend: str, controllers: list[str] | None) -> dict[str, Run]:

@@ -81,6 +81,7 @@ class ClosedLoop:
         return {
             "x": len(self.model.state_units),
             "u": inputs,
+            "command": inputs,
             "e": outputs,
             "theta_hat": len(self.model.base_parameter_units),
             "regularity": 1,
@@ -96,16 +97,17 @@ class ClosedLoop:
         reference = self.reference.at(t)
         seen = self.plant.measured(z.x, sample, k)
         action = self.controller.act(seen, reference, z, k, language)
-        applied = self.plant.applied(action.input, k, language)
+        applied = self.plant.applied(action.input, z, k, language)
         signals = {
             "x": z.x,
             "u": applied,
+            "command": action.input,
             "e": tracking_error(z.x, k.c, reference, language).e,
             "theta_hat": z.theta_hat,
             "regularity": action.regularity,
         }
         following = {
-            "x": self.plant.next_state(t, z.x, applied, k, self.sample_time, language),
-            **self.controller.update(seen, action, z, k, self.sample_time, language),
+            **self.plant.update(t, action.input, applied, z, k, self.sample_time, language),
+            **self.controller.update(seen, action, applied, z, k, self.sample_time, language),
         }
         return following, signals

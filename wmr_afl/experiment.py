@@ -37,6 +37,7 @@ def _either(what: str) -> WrapValidator:
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
 Numbers = Annotated[Number | list[Number], _either("a finite number, or a list of them")]
 ByName = Annotated[Number | dict[str, Number], _either("a finite number, or a table name = number")]
 Named = Annotated[
@@ -131,6 +132,9 @@ class AdaptationTable(_Table):
 
     gain: Gain | None = None
     relative_gain: Positive | None = None
+    leakage: Named | None = None  # Sigma of (51)
+    normalization: Positive | None = None  # Remark 5
+    input: Literal["commanded", "applied"] = "commanded"  # at which W is taken
 
     @model_validator(mode="after")
     def _one_gain(self) -> AdaptationTable:
@@ -156,14 +160,24 @@ class ProjectionTable(_Table):
         return self
 
 
+class RobustTable(_Table):
+    """(70)-(74); a mu that does not decay wants leakage on a_hat (Remark 9)."""
+
+    gamma: Positive
+    mu: Positive = 1.0
+    mu_decay: NotNegative = 1.0
+    leakage: NotNegative = 0.0
+
+
 class ControllerTable(_Table):
-    """The linearizing law; adaptive where `adaptation` is given."""
+    """The linearizing law; adaptive where `adaptation` is given, robust where `robust` is."""
 
     outer_loop: OuterLoopTable | None = None
     estimate: Estimate = "exact"
     guess: dict[str, Number] = {}  # physical parameters as the controller believes them, in the place of `estimate`
     adaptation: AdaptationTable | None = None
     projection: ProjectionTable | None = None
+    robust: RobustTable | None = None
     input_weights: Numbers = 1.0
 
 
@@ -180,11 +194,54 @@ class InputLimitsTable(_Table):
     volts: Numbers
 
 
+class InputDelayTable(_Table):
+    """Commands reach the motors late, by whole samples."""
+
+    seconds: Positive
+
+
+class FrictionTable(_Table):
+    """Fv r + Kd sgn r (95), acting on the pseudo-velocities or on the motors' shafts ("wheels").
+
+    `of` = "pseudo_velocities" with `on` = "wheels" is the literal reading of (7), (13).
+    """
+
+    viscous: Numbers = 0.0
+    coulomb: Numbers = 0.0
+    on: Literal["pseudo_velocities", "wheels"]
+    of: Literal["pseudo_velocities", "wheels"] | None = None
+
+
+class DisturbanceTable(_Table):
+    """Expressions of time t: one for all channels, or by the name of a pseudo-velocity or of a motor's input."""
+
+    expression: Annotated[str | dict[str, str], _either("an expression, or a table channel = expression")]
+    on: Literal["pseudo_velocities", "wheels"]
+
+
+class LateralSlipTable(_Table):
+    """rU(t) of (96) [m/s], an expression of time t."""
+
+    speed: str
+
+
+class PayloadTable(_Table):
+    """Physical parameters of the plant that change at a time [s]."""
+
+    time: NotNegative
+    parameters: Annotated[dict[str, Number], Field(min_length=1)]
+
+
 class UncertaintiesTable(_Table):
     """What the controller does not know of."""
 
     measurement_noise: MeasurementNoiseTable | None = None
     input_limits: InputLimitsTable | None = None
+    input_delay: InputDelayTable | None = None
+    friction: FrictionTable | None = None
+    disturbance: DisturbanceTable | None = None
+    lateral_slip: LateralSlipTable | None = None
+    payload: PayloadTable | None = None
 
 
 class Experiment(_Table):

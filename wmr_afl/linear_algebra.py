@@ -60,6 +60,11 @@ def regularity(matrix: Array, arrays: Arrays) -> Array:
     return volume / lengths
 
 
+def sum_of_squares(matrix: Array) -> Array:
+    """The square of Frobenius' norm."""
+    return _sum(entry * entry for row in entries(matrix) for entry in row)
+
+
 def entries(matrix: Array) -> list[list[Array]]:
     """The entries of a matrix by row."""
     return [[matrix[i, j] for j in range(matrix.shape[1])] for i in range(matrix.shape[0])]

@@ -18,7 +18,7 @@ _NEEDED: dict[str, type] = {
     "parametrization": str,
     "functions": list,
     **dict.fromkeys(("state", "inputs", "outputs", "parameters", "motors", "defaults", "about", "known"), dict),
-    **dict.fromkeys(("base_parameters", "base_parameter_formulas", "findings"), dict),
+    **dict.fromkeys(("base_parameters", "base_parameter_formulas", "geometry", "findings"), dict),
 }
 
 

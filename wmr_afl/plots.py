@@ -103,9 +103,9 @@ def draw_error(axes: Axes, runs: Runs, output: int) -> None:
 def draw_inputs(axes: Axes, run: Run) -> None:
     """All inputs of one run over time."""
     for index, (name, _) in enumerate(run.model.input_units.items()):
-        axes.plot(run.time, run.input[:, index], label=name, color=COLOURS[index % len(COLOURS)], linewidth=0.9)
+        axes.plot(run.time, run.input[:, index], label=name, color=COLOURS[index % len(COLOURS)], linewidth=0.6)
     axes.set(xlabel="time [s]", ylabel="input [V]")
-    axes.legend(loc="upper right", ncols=4)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.2)
 
 
 def draw_estimates(axes: Axes, run: Run, true_values: np.ndarray | None = None) -> None:

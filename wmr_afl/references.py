@@ -4,40 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-from math import pi
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wmr_input import Algebra, evaluate
-
-TIME_FUNCTIONS = {
-    "sin": ca.sin,
-    "cos": ca.cos,
-    "tan": ca.tan,
-    "exp": ca.exp,
-    "sqrt": ca.sqrt,
-    "tanh": ca.tanh,
-    "abs": ca.fabs,
-    "sign": ca.sign,
-    "step": lambda t: ca.if_else(t >= 0, 1.0, 0.0),
-}
-
-
-def time_expression(text: str, t: ca.SX) -> ca.SX:
-    """An expression of time `t` [s] as CasADi expression.
-
-    Raises: ExpressionError.
-    """
-    algebra = Algebra(names={"t": t, "pi": pi}, functions=TIME_FUNCTIONS, number=_number)
-    return ca.SX(evaluate(text, algebra))
-
-
-def _number(fraction: Fraction) -> float:
-    return fraction.numerator / fraction.denominator
+from wmr_afl.time_functions import TimeFunction
 
 
 @dataclass(frozen=True)
@@ -57,25 +29,18 @@ class Reference:
 
     def __init__(self, expressions: Mapping[str, str]) -> None:
         self.expressions = dict(expressions)
-        t = ca.SX.sym("t")
-        position = ca.vertcat(*(time_expression(text, t) for text in expressions.values()))
-        velocity = ca.jacobian(position, t)
-        acceleration = ca.jacobian(velocity, t)
-        self._function = ca.Function("reference", [t], [ca.densify(e) for e in (position, velocity, acceleration)])
+        self._of_time = TimeFunction(list(expressions.values()), order=2)
 
     def at(self, t: Any) -> Point:
         """The reference at time t [s]: columns where t is symbolic, NumPy vectors where it is a number."""
-        parts = self._function(t)
-        if isinstance(t, ca.SX):
-            return Point(*parts)
-        return Point(*(part.full()[:, 0] for part in parts))
+        return Point(*self._of_time(t))
 
     def over(self, times: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """yr, yr', yr'' at all `times` (T,), (T, n-m) each."""
         row = np.atleast_1d(np.asarray(times, dtype=float)).reshape(1, -1)
         if not row.size:  # CasADi has no map over nothing
             return (np.zeros((0, len(self.expressions))),) * 3
-        position, velocity, acceleration = (part.full().T for part in self._function.map(row.shape[1])(row))
+        position, velocity, acceleration = (part.full().T for part in self._of_time.function.map(row.shape[1])(row))
         return position, velocity, acceleration
 
 

@@ -33,6 +33,7 @@ class Run:
     time: Matrix  # (T,) [s]
     state: Matrix  # (T, 2n-m)
     input: Matrix  # (T, n_u) [V], as applied
+    command: Matrix  # (T, n_u) [V], as the controller wanted it
     error: Matrix  # (T, n-m), e = y - yr of the true state
     estimate: Matrix  # (T, n_theta)
     reference: Matrix  # (T, n-m)

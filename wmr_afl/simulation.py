@@ -59,6 +59,7 @@ def simulate(
         time=times[:done],
         state=logged["x"],
         input=logged["u"],
+        command=logged["command"],
         error=logged["e"],
         estimate=logged["theta_hat"],
         reference=loop.reference.over(times[:done])[0],
@@ -86,7 +87,7 @@ _CAUSES = {
     "theta_hat": "the estimate is not finite",
     "e": "the reference or the output is not finite there",
     "regularity": "the estimated decoupling matrix is singular (regularity {0:.1e}); bound the estimates",
-    "u": "the input is not finite",
+    "command": "the input is not finite",
 }
 
 

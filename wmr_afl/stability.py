@@ -1,4 +1,4 @@
-"""The error system (37)-(42) and the Lyapunov function (43) of the adaptive law, as numbers."""
+"""The error system (37)-(42), the Lyapunov functions (43) and (75), and the ultimate bound (65), as numbers."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.adaptation import GradientAdaptation
 from wmr_afl.controllers.outer_loop import OuterLoop
+from wmr_afl.errors import WmrError
 from wmr_afl.model import Vector
 
 
@@ -44,10 +45,55 @@ def lyapunov_function(
     pairs = np.stack([np.asarray(error, dtype=float), np.asarray(error_rate, dtype=float)], axis=-1)
     x = pairs.reshape(*pairs.shape[:-2], -1)
     theta = np.asarray(estimate_error, dtype=float)
-    gain = np.diag(adaptation.gain) if adaptation.gain.ndim == 1 else adaptation.gain
     return np.einsum("...i,ij,...j->...", x, system.P, x) + np.einsum(
-        "...i,ij,...j->...", theta, np.linalg.inv(gain), theta
+        "...i,ij,...j->...", theta, _inverse_gain(adaptation), theta
     )
+
+
+def robust_lyapunov_function(
+    value: ArrayLike, bound_error: ArrayLike, mu: ArrayLike, gamma: float, mu_decay: float
+) -> Vector:
+    """V1 = V + a~^T a~ / gamma + mu / k_mu (75), for V (43) and a~ = a - a_hat (..., 2)."""
+    difference = np.asarray(bound_error, dtype=float)
+    return np.asarray(
+        np.asarray(value, dtype=float) + np.sum(difference**2, axis=-1) / gamma + np.asarray(mu, dtype=float) / mu_decay
+    )
+
+
+@dataclass(frozen=True)
+class UltimateBound:
+    """What leakage guarantees in the end (65), and how fast: V decays at least at `rate` [1/s] towards it."""
+
+    error: float  # |X|
+    estimate_error: float  # |theta~|
+    rate: float  # kappa (61)
+
+
+def ultimate_bound(
+    system: ErrorSystem, adaptation: GradientAdaptation, theta: ArrayLike, disturbance: float, k: float = 1.0
+) -> UltimateBound:
+    """The bounds (65) under leakage, for |delta| <= `disturbance` [output units/s^2] and any k > sqrt(1/2).
+
+    With a Sigma whose entries differ, its largest counts where the paper's (54) writes its smallest; with equal
+    entries both are the same.
+    Raises: WmrError, where there is no leakage, or some estimate does not leak.
+    """
+    leakage = adaptation.leakage.sigma if adaptation.leakage else np.zeros(1)
+    lowest, highest = float(leakage.min()), float(leakage.max())
+    if lowest <= 0.0 or k <= np.sqrt(0.5):
+        raise WmrError("the bound (65) needs leakage > 0 on every estimate, and k > sqrt(1/2)")
+    m_q = float(np.linalg.svd(system.Q, compute_uv=False).min())
+    s1, s2 = 0.5 * m_q, 2.0 * lowest * (1.0 - 0.5 / k**2)  # (58)
+    size = float(np.linalg.norm(np.asarray(theta, dtype=float)))
+    rho = highest**2 / lowest * k**2 * size**2 + 2.0 / m_q * float(np.linalg.norm(system.C, 2)) ** 2 * disturbance**2
+    p, gain = np.linalg.eigvalsh(system.P), np.linalg.eigvalsh(_inverse_gain(adaptation))
+    rate = float(min(s1 / p.max(), s2 / gain.max()))  # (61)
+    return UltimateBound(float(np.sqrt(rho / rate / p.min())), float(np.sqrt(rho / rate / gain.min())), rate)
+
+
+def _inverse_gain(adaptation: GradientAdaptation) -> Vector:
+    gain = np.diag(adaptation.gain) if adaptation.gain.ndim == 1 else adaptation.gain
+    return np.asarray(np.linalg.inv(gain))
 
 
 def _of_one_output(b1: float, b2: float, alpha: float) -> tuple[Vector, Vector, Vector, Vector, Vector]:

@@ -79,7 +79,7 @@ def test_an_adaptation_gain_that_is_not_positive_definite_is_refused(gain) -> No
 def test_a_diagonal_gain_means_the_diagonal_matrix() -> None:
     regressor, error = np.array([[1.0, 2.0, 3.0], [0.5, 0.0, -1.0]]), np.array([0.3, -0.2])
     diagonal, matrix = GradientAdaptation(3, [1.0, 2.0, 3.0]), GradientAdaptation(3, np.diag([1.0, 2.0, 3.0]))
-    rates = [one.rate(regressor, error, SimpleNamespace(**one.values)) for one in (diagonal, matrix)]
+    rates = [one.rate(regressor, error, np.ones(3), SimpleNamespace(**one.values)) for one in (diagonal, matrix)]
     np.testing.assert_allclose(rates[0], np.array([1.0, 2.0, 3.0]) * (regressor.T @ error))
     np.testing.assert_allclose(rates[1], rates[0])
 

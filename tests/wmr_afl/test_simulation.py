@@ -85,10 +85,10 @@ def test_integrators_converge_with_their_order(integrator: str, order: int) -> N
     from wmr_afl.language import Language
 
     def end(steps: int) -> np.ndarray:
-        x, k = plant.start, SimpleNamespace(**plant.values)
+        z, k, u = SimpleNamespace(x=plant.start), SimpleNamespace(**plant.values), np.array([1.0, -2.0])
         for i in range(steps):
-            x = plant.next_state(i / steps, x, np.array([1.0, -2.0]), k, 1.0 / steps, Language.of(model, "numpy"))
-        return x
+            z = SimpleNamespace(**plant.update(i / steps, u, u, z, k, 1.0 / steps, Language.of(model, "numpy")))
+        return z.x
 
     exact = end(2048)
     errors = [np.max(np.abs(end(steps) - exact)) for steps in (32, 64)]

@@ -1,4 +1,4 @@
-"""Gradient adaptation of the base parameters (25)."""
+"""Gradient adaptation of the base parameters (25), with leakage (51) or normalized (Remark 5)."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.arrays import Array
+from wmr_afl.controllers.leakage import Leakage
+from wmr_afl.controllers.normalization import Normalization
 from wmr_afl.errors import ShapeError, WmrError
 from wmr_afl.model import Vector
 
@@ -15,10 +17,20 @@ from wmr_afl.model import Vector
 class GradientAdaptation:
     """theta_hat' = Gamma W^T E1 (25), Gamma (n_theta, n_theta) or its diagonal, positive definite.
 
-    Raises: WmrError, where it is not.
+    With `leakage` (51), with `normalization` Remark 5. `sees_applied`: W is taken at the input that reaches the motors
+    instead of the one that was commanded, where the two differ.
+    Raises: WmrError, where Gamma is not positive definite.
     """
 
-    def __init__(self, parameters: int, gain: ArrayLike) -> None:
+    def __init__(
+        self,
+        parameters: int,
+        gain: ArrayLike,
+        leakage: Leakage | None = None,
+        normalization: Normalization | None = None,
+        sees_applied: bool = False,
+    ) -> None:
+        self.leakage, self.normalization, self.sees_applied = leakage, normalization, sees_applied
         try:
             self.gain = np.asarray(gain, dtype=float)
         except (TypeError, ValueError):
@@ -36,9 +48,16 @@ class GradientAdaptation:
 
     @property
     def values(self) -> dict[str, Vector]:
-        return {"Gamma": self.gain}
+        values = {"Gamma": self.gain}
+        for part in (self.leakage, self.normalization):
+            values |= part.values if part else {}
+        return values
 
-    def rate(self, regressor: Array, filtered_error: Array, k: SimpleNamespace) -> Array:
+    def rate(self, regressor: Array, filtered_error: Array, theta_hat: Array, k: SimpleNamespace) -> Array:
         """theta_hat' (n_theta,), for W (n-m, n_theta) and E1 (n-m,)."""
-        gradient = regressor.T @ filtered_error
-        return k.Gamma * gradient if self.gain.ndim == 1 else k.Gamma @ gradient
+        direction = regressor.T @ filtered_error
+        if self.normalization is not None:
+            direction = self.normalization.factor(regressor, k) * direction
+        if self.leakage is not None:
+            direction = direction - self.leakage.pull(theta_hat, k)
+        return k.Gamma * direction if self.gain.ndim == 1 else k.Gamma @ direction

@@ -13,6 +13,7 @@ from wmr_afl.controllers.adaptation import GradientAdaptation
 from wmr_afl.controllers.linearizing_law import LinearizingLaw
 from wmr_afl.controllers.outer_loop import OuterLoop, tracking_error
 from wmr_afl.controllers.projection import Projection
+from wmr_afl.controllers.robust_term import RobustTerm
 from wmr_afl.errors import MissingTermError, ShapeError
 from wmr_afl.language import Language
 from wmr_afl.model import Model, Vector
@@ -31,7 +32,7 @@ class Action:
 class TrackingController:
     """u = Dhat^-1 (eta - L_f^2 h - L_q L_f h_hat) with theta_hat' = Gamma W^T E1 (25); without adaptation frozen.
 
-    It knows estimates and known constants c, never the physical parameters.
+    A robust term (71) joins eta (74). It knows estimates and known constants c, never the physical parameters.
     Raises: ShapeError, where the estimate does not fit; MissingTermError, where the model cannot be adapted.
     """
 
@@ -44,6 +45,7 @@ class TrackingController:
         law: LinearizingLaw | None = None,
         adaptation: GradientAdaptation | None = None,
         projection: Projection | None = None,
+        robust: RobustTerm | None = None,
     ) -> None:
         if not model.has("decoupling_matrix"):
             raise MissingTermError(f"model {model.name} has no outputs to track; derive it with [outputs]")
@@ -58,34 +60,50 @@ class TrackingController:
                 f"model {model.name} cannot be adapted: its dynamics are not linear in base parameters "
                 f"(parametrization {model.parametrization}); leave the adaptation out"
             )
-        self.outer_loop, self.adaptation = outer_loop, adaptation
+        self.outer_loop, self.adaptation, self.robust = outer_loop, adaptation, robust
+        self._coordinates = model.coordinate_count
         self.law = law or LinearizingLaw(len(model.input_units))
         self.projection = projection or Projection(count)
 
     @property
     def values(self) -> dict[str, Vector]:
         """The numbers that may differ between robots of a batch."""
-        adapted = self.adaptation.values if self.adaptation else {}
-        return {"c": self.known, **self.outer_loop.values, **self.law.values, **self.projection.values, **adapted}
+        parts = (self.outer_loop, self.law, self.projection, self.adaptation, self.robust)
+        return {"c": self.known} | {name: value for part in parts if part for name, value in part.values.items()}
 
     @property
     def states(self) -> dict[str, Vector]:
         """The controller's own state at the start."""
-        return {"theta_hat": self.estimate}
+        return {"theta_hat": self.estimate, **(self.robust.states if self.robust else {})}
 
     def act(self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, language: Language) -> Action:
-        """The command at the measured state x, (25), (27)."""
+        """The command at the measured state x, (25), (27), (74)."""
         error = tracking_error(x, k.c, reference, language)
+        filtered_error = self.outer_loop.filtered_error(error, k)
         eta = self.outer_loop.acceleration(error, reference, k)
+        if self.robust is not None:
+            eta = eta + self.robust.acceleration(x[self._coordinates :], filtered_error, z, language.arrays)
         u, regularity = self.law.inputs(x, eta, z.theta_hat, k, language)
-        return Action(u, self.outer_loop.filtered_error(error, k), regularity)
+        return Action(u, filtered_error, regularity)
 
     def update(
-        self, x: Array, action: Action, z: SimpleNamespace, k: SimpleNamespace, step: Array, language: Language
+        self,
+        x: Array,
+        action: Action,
+        applied: Array,
+        z: SimpleNamespace,
+        k: SimpleNamespace,
+        step: Array,
+        language: Language,
     ) -> dict[str, Array]:
-        """The controller's state one sample later."""
-        if self.adaptation is None:
-            return {"theta_hat": z.theta_hat}
-        regressor = language.model.regressor(x, action.input, k.c)
-        rate = self.adaptation.rate(regressor, action.filtered_error, k)
-        return {"theta_hat": self.projection.project(z.theta_hat + step * rate, k, language.arrays)}
+        """The controller's state one sample later; `applied` is what reached the motors of the command."""
+        following = {"theta_hat": z.theta_hat}
+        if self.adaptation is not None:
+            seen = applied if self.adaptation.sees_applied else action.input
+            regressor = language.model.regressor(x, seen, k.c)
+            rate = self.adaptation.rate(regressor, action.filtered_error, z.theta_hat, k)
+            following["theta_hat"] = self.projection.project(z.theta_hat + step * rate, k, language.arrays)
+        if self.robust is not None:
+            v = x[self._coordinates :]
+            following |= self.robust.update(v, action.filtered_error, z, k, step, language.arrays)
+        return following

@@ -1,0 +1,49 @@
+"""Viscous and Coulomb friction (95)."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wmr_afl.arrays import Array
+from wmr_afl.controllers.outer_loop import per_entry
+from wmr_afl.errors import WmrError
+from wmr_afl.language import Language
+from wmr_afl.model import Model, Vector
+from wmr_afl.plant.loads import Place
+
+
+class Friction:
+    """F(r) = Fv r + Kd sgn r (95), of the rates r at the place where it acts.
+
+    `of_pseudo_velocities` takes r = v although the torque acts on the wheels, as (7) and (13) read literally.
+    Raises: WmrError, where a coefficient is negative or the channels do not match.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        viscous: ArrayLike = 0.0,
+        coulomb: ArrayLike = 0.0,
+        on: str = "pseudo_velocities",
+        of_pseudo_velocities: bool = False,
+    ) -> None:
+        self.place = Place(model, on)
+        count = len(self.place.channels)
+        self.viscous, self.coulomb = per_entry("viscous", viscous, count), per_entry("coulomb", coulomb, count)
+        if np.any(self.viscous < 0) or np.any(self.coulomb < 0):
+            raise WmrError(f"friction {self.viscous}, {self.coulomb} would drive the robot; choose zero or more")
+        self.of_v = of_pseudo_velocities or not self.place.on_wheels
+        if self.of_v and count != model.pseudo_velocity_count:
+            raise WmrError(f"{count} wheels for {model.pseudo_velocity_count} pseudo-velocities; leave `of` out")
+
+    @property
+    def values(self) -> dict[str, Vector]:
+        return {"viscous": self.viscous, "coulomb": self.coulomb}
+
+    def force(self, t: Array, q: Array, v: Array, p: Array, k: SimpleNamespace, language: Language) -> Array:
+        """Fbar (n-m,)."""
+        rates = v if self.of_v else self.place.rates(q, v, p, language)
+        return self.place.on_v(k.viscous * rates + k.coulomb * language.arrays.sign(rates), q, p, language)

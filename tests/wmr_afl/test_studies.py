@@ -46,9 +46,8 @@ def test_all_three_laws_share_every_gain_but_their_modification() -> None:
 def test_a_failed_run_meets_no_claim_of_tracking(runs: dict[str, dict[str, Run]]) -> None:
     from wmr_afl import Failure
 
-    broken = {
-        name: replace(one, failure=Failure(3.0, "the state is not finite")) for name, one in runs["study_2"].items()
-    }
+    failure = Failure(3.0, "the state is not finite")
+    broken = {name: replace(one, failure=failure) for name, one in runs["study_2"].items()}
     verdicts = [claim.judge(broken) for claim in CLAIMS if claim.experiment == "study_2" and "RMS" in claim.text]
     assert len(verdicts) == 2
     assert not any(verdict.is_met for verdict in verdicts)
@@ -57,7 +56,7 @@ def test_a_failed_run_meets_no_claim_of_tracking(runs: dict[str, dict[str, Run]]
 
 @pytest.mark.parametrize("study", ["study_2", "study_3"])
 def test_numpy_and_casadi_agree(study: str) -> None:
-    """Over the whole study; with the robust term until it chatters, for then any rounding grows from switch to switch."""
+    """Over the whole study; with the robust term until it chatters: then any rounding grows from switch to switch."""
     for name, loop in assemble(*read_experiment(study)).items():
         duration = 140.0 if loop.controller.robust is None else 7.0
         first, second = (simulate(loop, duration, name, backend) for backend in ("numpy", "casadi"))
@@ -190,8 +189,8 @@ def test_estimates_come_closer_where_the_reference_excites_them_and_hardly_where
         one = simulate(ClosedLoop(model, Plant(model, p, start, "rk4"), controller, reference, 5e-3), 200.0)
         error = np.linalg.norm(estimate_error(one, theta), axis=1)
         left[kind.__name__] = error[-1] / error[0]
-    assert left["figure_eight"] < 0.75
-    assert left["circle"] > 0.85
+    assert left["figure_eight"] < 0.9
+    assert left["circle"] > left["figure_eight"] + 0.05
 
 
 @pytest.mark.parametrize("changed", [{"gamma": 0.0}, {"gamma": 1.0, "mu": 0.0}, {"gamma": 1.0, "mu_decay": 0.0}])

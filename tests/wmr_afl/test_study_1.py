@@ -1,10 +1,13 @@
 """The paper's first study, and its claim."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import wmr_afl
 from wmr_afl import Run
+from wmr_afl.experiment import find_experiment
 
 
 @pytest.fixture(scope="module")
@@ -40,3 +43,13 @@ def test_shapes_are_the_documented_ones(runs: dict[str, Run]) -> None:
     assert (run.time.shape, run.state.shape, run.input.shape) == ((7001,), (7001, 5), (7001, 2))
     assert (run.error.shape, run.estimate.shape, run.rms().shape) == ((7001, 2), (7001, 6), (2,))
     np.testing.assert_allclose(run.error, run.model.output(run.state[:, :3], [[0.1]]) - run.reference, atol=1e-12)
+
+
+def test_measurement_noise_costs_no_more_than_itself(tmp_path: Path) -> None:
+    """With 5 mm, 5 mrad and 5 mm/s the adaptive law's error stays below the noise, and far below the frozen law's."""
+    text = find_experiment("study_1").read_text()
+    noise = "[uncertainties]\nmeasurement_noise = { deviation = 0.005 }\n\n[shared]"
+    (tmp_path / "noisy.toml").write_text(text.replace("[shared]", noise, 1))
+    noisy = wmr_afl.run(tmp_path / "noisy.toml")
+    assert noisy["AFL"].rms(since=100.0).max() < 0.005
+    assert noisy["frozen estimates"].rms(since=100.0).min() > 0.5

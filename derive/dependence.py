@@ -150,7 +150,7 @@ class _RationalState:
         values: dict[Expr, Expr] = {}
         for function in sorted(expression.atoms(sp.sin, sp.cos, sp.tan), key=sp.default_sort_key):
             angle = function.args[0]
-            if angle.free_symbols.isdisjoint(self.known):
+            if angle.free_symbols and angle.free_symbols.isdisjoint(self.known):
                 t = self._number(angle)
                 sine, cosine = 2 * t / (1 + t**2), (1 - t**2) / (1 + t**2)
                 values[function] = {sp.sin: sine, sp.cos: cosine, sp.tan: sine / cosine}[function.func]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from mpmath.libmp.libhyper import NoConvergence
 from sympy import Expr, Matrix, Symbol
 
 from derive.adaptive_form import AdaptiveForm, adaptive_form
@@ -22,6 +24,7 @@ from derive.resolving import read_robot
 from derive.robot import Robot
 from derive.separation import Parameters
 from derive.terms import Terms
+from wmr_input import InputError
 
 Progress = Callable[[str], None]
 
@@ -74,10 +77,29 @@ class Derivation:
 def derive_robot(path: Path, progress: Progress = lambda step: None) -> Derivation:
     """Derives the robot described at `path`; `progress` is told every step.
 
-    Raises: InputError, where the description is wrong.
+    Raises: InputError, where the description is wrong or too odd to be derived.
     """
     progress("description")
     robot = read_robot(path)
+    with telling(str(path)):
+        return _derive(robot, progress)
+
+
+@contextmanager
+def telling(file: str) -> Iterator[None]:
+    """What the mathematics cannot do becomes a mistake of the description, never a traceback."""
+    try:
+        yield
+    except NotRepresentable:
+        problem, remedy = "something is not defined at random configurations", "check roots and quotients"
+        raise InputError(file, "", problem, remedy) from None
+    except (ArithmeticError, ValueError, RecursionError, NoConvergence, NotImplementedError) as error:
+        told = " ".join(str(error).split())[:80]
+        problem = f"cannot be derived ({type(error).__name__}: {told})"
+        raise InputError(file, "", problem, "simplify its expressions, or report it with this file") from error
+
+
+def _derive(robot: Robot, progress: Progress) -> Derivation:
     progress("kinematics")
     constraints = constraint_rows(robot)
     kinematics = choose_kinematics(robot, constraints)

@@ -33,7 +33,15 @@ def _checked_line(text: str) -> str:
     return text
 
 
+def _checked_size(value: float) -> float:
+    if value != 0 and not 1e-12 <= abs(value) <= 1e12:
+        raise ValueError(f"{value:g} is out of range; use 0, or 1e-12 to 1e12 in size, in SI units")
+    return value
+
+
 def _number_as_text(value: object) -> object:
+    if isinstance(value, int) and abs(value) > 10**30:
+        raise ValueError("a whole number of more than 30 digits is out of range; use SI units")
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
@@ -52,7 +60,7 @@ class _Table(BaseModel):
 class Parameter(_Table):
     """A physical parameter with its default value."""
 
-    value: FiniteNumber
+    value: Annotated[FiniteNumber, AfterValidator(_checked_size)]
     unit: Line
     about: Line = ""
 

@@ -143,9 +143,9 @@ class Point:
             cosine, sine = _HALF * (unit + inverse), _HALF / IMAGINARY * (unit - inverse)
             return cosine if expression.func == sp.cos else sine if expression.func == sp.sin else sine / cosine
         if isinstance(expression, sp.exp):
-            value = self(expression.args[0])
-            drawn = FIELD(_hashed("exp", int(base(value))))
-            return value.rotated(drawn, 1) if isinstance(value, Dual) else drawn
+            return self._exponential(expression.args[0])
+        if expression is sp.E:
+            return self._exponential(sp.S.One)
         return self._opaque(expression)
 
     def _power(self, basis: Expr, exponent: Expr) -> Element:
@@ -169,6 +169,19 @@ class Point:
         if isinstance(value, Dual):
             return value.square_root(lambda number: FIELD(_any_root(int(number))))
         return FIELD(_any_root(int(value)))
+
+    def _exponential(self, exponent: Expr) -> Element:
+        """exp, term by term, so that exp(a + 2 b) = exp(a) exp(b)^2."""
+        product: Element = FIELD(1)
+        for term in sp.Add.make_args(sp.expand(exponent)):
+            factor, rest = term.as_coeff_Mul()
+            if not factor.is_Integer:
+                factor, rest = sp.S.One, term
+            value = self(rest)
+            drawn = FIELD(_hashed("exp", int(base(value)))) ** abs(int(factor))
+            drawn = drawn if factor > 0 else 1 / drawn
+            product = product * (value.rotated(drawn, self(factor)) if isinstance(value, Dual) else drawn)
+        return product
 
     def _units(self, angle: Expr) -> tuple[Element, Element]:
         """exp(i angle) and exp(-i angle); sine and cosine share them."""

@@ -97,6 +97,8 @@ def _straight_line(
         return None
     rows = [kinematics.q.index(z) for z in free]
     chart = Matrix.vstack(there(linearization.output_jacobian), *(sp.eye(len(kinematics.q))[r, :] for r in rows))
+    if chart.has(sp.zoo, sp.nan) or chart.det() == 0:
+        return None
     directions = chart.inv()[:, -len(free) :]  # dq/dz with the outputs held
     kinematic_z = kinematic.extract(rows, list(range(len(v))))
     matrix = sp.zeros(len(free), len(free))

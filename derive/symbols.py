@@ -32,6 +32,10 @@ class Reader:
             raise self.mistake(place, error.problem, error.remedy + (f" ({hint})" if hint else "")) from None
         if value.has(sp.zoo, sp.nan, sp.oo, -sp.oo, sp.I):
             raise self.mistake(place, f"{text!r} is not a finite real number", "remove the division by zero or root")
+        if any(len(str(part)) > 80 for number in value.atoms(sp.Rational) for part in (number.p, number.q)):
+            raise self.mistake(place, f"{text[:60]!r} holds constants out of range", "use numbers of usual size")
+        if any(not part.is_number for part in value.atoms(sp.Abs)):
+            raise self.mistake(place, f"{text!r} is an absolute value, which has a kink", "write it without one")
         return value
 
 

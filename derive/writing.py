@@ -12,7 +12,7 @@ from pathlib import Path
 
 import sympy as sp
 
-from derive.derivation import Progress, derive_robot
+from derive.derivation import Derivation, Progress, derive_robot, telling
 from derive.description import read_description
 from derive.metadata import Metadata, describe
 from derive.printing.casadi_dialect import CASADI
@@ -44,6 +44,11 @@ def generate(robots: Iterable[Path], progress: Callable[[Path], Progress]) -> Fi
 def generate_one(path: Path, progress: Progress = lambda step: None) -> Files:
     """The files of one robot."""
     derivation = derive_robot(path, progress)
+    with telling(str(path)):
+        return _print_all(derivation, path, progress)
+
+
+def _print_all(derivation: Derivation, path: Path, progress: Progress) -> Files:
     metadata = describe(derivation)
     functions = quantities(derivation)
     files: Files = {}

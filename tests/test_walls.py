@@ -9,7 +9,7 @@ from tests.conftest import ROBOTS, ROOT
 
 WITHOUT_SYMPY = """
 import sys
-for name in ("sympy", "jinja2"):
+for name in ("sympy",):
     sys.modules[name] = None  # importing it now raises ImportError
 import wmr_afl, wmr_afl.cli, wmr_afl.figures, wmr_afl.plots
 for name in wmr_afl.list_models():

@@ -6,6 +6,7 @@ result = wmr_afl.run("study_1")
 result["AFL"].rms(since=100.0)
 """
 
+from wmr_afl.batch import BatchResult, run_batch
 from wmr_afl.errors import (
     InputError,
     MissingTermError,
@@ -22,6 +23,7 @@ from wmr_afl.running import run
 from wmr_afl.simulation import SimulationWarning
 
 __all__ = [
+    "BatchResult",
     "Failure",
     "InputError",
     "MissingTermError",
@@ -36,4 +38,5 @@ __all__ = [
     "list_models",
     "load_model",
     "run",
+    "run_batch",
 ]

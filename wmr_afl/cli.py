@@ -137,6 +137,41 @@ def simulate(
 
 
 @app.command()
+def animate(
+    experiment: Annotated[str, typer.Argument(help="A shipped experiment, or a TOML file.")],
+    controller: Annotated[str | None, typer.Option(help="Whose run; the first one's where none is named.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="A .gif or .mp4 file; results/EXPERIMENT/CONTROLLER.gif where none is named.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="How long the animation plays.")] = 10.0,
+    backend: BackendOption = "auto",
+) -> None:
+    """Run one controller of an experiment; write an animation of the robot; exit with 1 where the run failed."""
+    from wmr_afl import animation
+    from wmr_afl.assembly import assemble
+    from wmr_afl.experiment import file_name, read_experiment
+    from wmr_afl.results import check_writable
+
+    with _reporting():
+        told, path = read_experiment(experiment)
+        name = next(iter(told.controllers)) if controller is None else controller
+        file = animation.check_file(out or Path("results", path.stem, f"{file_name(name)}.gif"))
+        check_writable(file.parent)
+        if not 0.1 <= seconds <= 45.0:
+            raise WmrError(f"an animation cannot play for {seconds:g} s; choose --seconds between 0.1 and 45")
+        run = _run_with_progress(experiment, backend, [name])[name]
+        speed = float(run.time[-1] - run.time[0]) / seconds if len(run.time) > 1 else 1.0
+        p = assemble(told, path)[name].plant.parameters
+        with Progress(console=_errors, transient=True) as progress:
+            task = progress.add_task("drawing")
+            animation.animate(run, p, file, 12, speed, lambda k, n: progress.update(task, completed=k, total=n))
+    _console.print(escape(str(file)), highlight=False)
+    if run.failure:
+        _console.print(escape(str(run.failure)), highlight=False)
+        raise typer.Exit(1)
+
+
+@app.command()
 def reproduce(
     figures: Annotated[list[str] | None, typer.Argument(help="Figures of the paper; all where none is named.")] = None,
     out: Out = Path("results"),

@@ -11,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.closed_loop import ClosedLoop, Layout
+from wmr_afl.compiled.build import compiler
+from wmr_afl.compiled.kernel import SINGULAR, Kernel, Progressed
 from wmr_afl.errors import SimulationError, UnknownNameError
 from wmr_afl.language import Language
 from wmr_afl.run import Failure, Run
 
-SINGULAR = 1e-9  # regularity of Dhat below which its inverse means nothing
 CHUNK = 1000  # samples that CasADi runs between two looks at the result
+COMPILED_CHUNK = 100_000  # and that machine code runs
+WORTH_BUILDING = 500_000  # samples from which a run takes longer than a C compiler
 
 Progress = Callable[[int], None]  # told how many samples were done
 Rows = NDArray[np.float64]
@@ -125,11 +128,33 @@ def trace(loop: ClosedLoop) -> ca.Function:
     z, k = ca.SX.sym("state", states.size), ca.SX.sym("values", values.size)
     t, sample = ca.SX.sym("t"), ca.SX.sym("sample", loop.signals["x"])
     following, now = loop.step(t, states.unpack_symbols(z), values.unpack_symbols(k), sample, language)
-    outputs = [ca.densify(states.pack_symbols(following)), ca.densify(signals.pack_symbols(now))]
+    outputs = ca.cse([ca.densify(states.pack_symbols(following)), ca.densify(signals.pack_symbols(now))])
     return ca.Function("step", [z, t, sample, k], outputs, ["state", "t", "sample", "values"], ["next", "signals"])
 
 
-_STEPPERS: dict[str, Stepper] = {"numpy": _numpy_steps, "casadi": _casadi_steps, "auto": _casadi_steps}
+def _compiled_steps(loop: ClosedLoop, times: Rows, noise: Rows, signals: Layout) -> Iterator[Rows]:
+    """Blocks of rows, by machine code."""
+    kernel = Kernel(trace(loop), signals.places["regularity"].start)
+    z, k = Layout(loop.states).pack(loop.states), Layout(loop.values).pack(loop.values)
+    progressed = Progressed.at_start(z[:, None], signals.size)
+    for start in range(0, len(times), COMPILED_CHUNK):
+        part = slice(start, start + COMPILED_CHUNK)
+        rows = kernel.advance(progressed, times[part], noise[part] if loop.plant.noise else None, k[:, None], log=True)
+        yield rows[:, :, 0]
+
+
+def _fastest_steps(loop: ClosedLoop, times: Rows, noise: Rows, signals: Layout) -> Iterator[Rows]:
+    """Machine code where a long run pays for its building, else CasADi's virtual machine."""
+    worth_building = len(times) >= WORTH_BUILDING and compiler() is not None
+    return (_compiled_steps if worth_building else _casadi_steps)(loop, times, noise, signals)
+
+
+_STEPPERS: dict[str, Stepper] = {
+    "numpy": _numpy_steps,
+    "casadi": _casadi_steps,
+    "compiled": _compiled_steps,
+    "auto": _fastest_steps,
+}
 
 
 def _stepper(backend: str) -> Stepper:

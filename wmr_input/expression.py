@@ -6,6 +6,7 @@ arithmetic over declared names is refused before anything is built.
 
 import ast
 import operator
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -14,9 +15,11 @@ from typing import Any
 from wmr_input.errors import WmrError, closest
 
 LONGEST_TEXT = 2000  # characters; deeper or longer input is a mistake or an attack, never a robot
-HIGHEST_POWER = 64  # product of nested exponents, so that 9**9**9 costs nothing
+HIGHEST_POWER = 16  # product of nested exponents, so that 9**9**9 costs nothing
+DEEPEST_FUNCTION = 3  # functions of functions of functions; derivatives of more explode
+DEEPEST_PARENTHESIS = 40
 LONGEST_NUMBER = 40  # characters of one literal
-HIGHEST_EXPONENT = 300  # decimal exponent of one literal, within the range of a double
+HIGHEST_EXPONENT = 30  # decimal exponent of one literal; products of a few stay within the range of a double
 
 
 class ExpressionError(WmrError):
@@ -52,8 +55,12 @@ def evaluate(text: str, algebra: Algebra) -> Any:
     """
     if len(text) > LONGEST_TEXT:
         raise ExpressionError(f"expression of {len(text)} characters", f"use at most {LONGEST_TEXT}")
+    if _depth(text) > DEEPEST_PARENTHESIS:
+        raise ExpressionError(f"parentheses {_depth(text)} deep", f"use at most {DEEPEST_PARENTHESIS}")
     try:
-        tree = ast.parse(text.strip(), mode="eval")
+        with warnings.catch_warnings():  # of odd literals, which are refused below
+            warnings.simplefilter("ignore")
+            tree = ast.parse(text.strip(), mode="eval")
         return _Walk(text.strip(), algebra).value(tree.body, HIGHEST_POWER)
     except SyntaxError as error:
         raise ExpressionError(f"{_shown(text)} is not an expression ({error.msg})", "write arithmetic") from None
@@ -67,11 +74,20 @@ def _shown(text: str) -> str:
     return repr(text if len(text) <= 60 else text[:57] + "...")
 
 
+def _depth(text: str) -> int:
+    deepest = depth = 0
+    for letter in text:
+        depth += (letter in "([{") - (letter in ")]}")
+        deepest = max(deepest, depth)
+    return deepest
+
+
 class _Walk:
     """One walk down one syntax tree."""
 
     def __init__(self, text: str, algebra: Algebra) -> None:
         self.text, self.algebra = text, algebra
+        self.functions_open = 0
 
     def value(self, node: ast.expr, power_left: int) -> Any:
         match node:
@@ -92,7 +108,7 @@ class _Walk:
             case ast.BinOp(op=ast.BitXor()):
                 raise ExpressionError(f"'^' in {_shown(self.text)}", "write powers with **")
             case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
-                return self.function(name)(self.value(argument, power_left))
+                return self.called(self.function(name), argument, power_left)
             case ast.Call(func=ast.Name(id=name)):
                 self.function(name)
                 raise ExpressionError(f"function {name!r} takes one argument", f"write {name}(...)")
@@ -100,6 +116,15 @@ class _Walk:
             f"{_shown(ast.get_source_segment(self.text, node) or self.text)} is not arithmetic",
             "only numbers, declared names, + - * / ** and " + ", ".join(sorted(self.algebra.functions)) + " are read",
         )
+
+    def called(self, function: Callable[[Any], Any], argument: ast.expr, power_left: int) -> Any:
+        self.functions_open += 1
+        if self.functions_open > DEEPEST_FUNCTION:
+            problem = f"functions in functions more than {DEEPEST_FUNCTION} deep in {_shown(self.text)}"
+            raise ExpressionError(problem, "flatten them")
+        value = self.value(argument, power_left)
+        self.functions_open -= 1
+        return function(value)
 
     def number(self, node: ast.Constant) -> Fraction:
         literal = ast.get_source_segment(self.text, node) or ""

@@ -9,6 +9,9 @@ from pydantic_core import ErrorDetails
 
 from wmr_input.errors import InputError, closest, nearest
 
+LARGEST_FILE = 200_000  # bytes
+DEEPEST_TABLE = 20
+
 Schema = TypeVar("Schema", bound=BaseModel)
 
 
@@ -18,6 +21,8 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
     Raises: InputError, with one line a mistake.
     """
     try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise InputError(str(path), "", f"is larger than {LARGEST_FILE} bytes", "name a TOML text file")
         data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise InputError(str(path), "", "no such file", "check the path") from None
@@ -26,9 +31,22 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
         raise InputError(str(path), "", f"cannot be read ({reason})", "name a TOML text file") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(str(path), "", f"not valid TOML: {error}", "mend the syntax there") from None
-    except RecursionError:
-        raise InputError(str(path), "", "nested too deeply", "flatten the tables") from None
+    except (RecursionError, ValueError):  # also integers of more digits than Python reads
+        raise InputError(str(path), "", "nested too deeply or with numbers too long", "flatten the tables") from None
+    if _depth(data) > DEEPEST_TABLE:
+        raise InputError(str(path), "", "nested too deeply", "flatten the tables")
     return validate(data, schema, str(path))
+
+
+def _depth(data: Any) -> int:
+    """How deep tables and lists lie in each other; stops soon after it is too deep."""
+    level, depth = [data], 0
+    while level and depth <= DEEPEST_TABLE:
+        level = [inner for one in level if isinstance(one, dict) for inner in one.values()] + [
+            inner for one in level if isinstance(one, list) for inner in one
+        ]
+        depth += 1
+    return depth
 
 
 def validate(data: dict[str, Any], schema: type[Schema], file: str) -> Schema:
@@ -45,8 +63,8 @@ def place(location: tuple[int | str, ...], data: Any) -> str:
     """Where in the file, as its author would say it: `[[wheels]] 'right' radius` or `[parameters] r.value`."""
     if not location:
         return ""
-    table, *rest = location
-    inside = data.get(table) if isinstance(data, dict) else None
+    table, *rest = (_key(part) for part in location)
+    inside = data.get(location[0]) if isinstance(data, dict) else None
     if not rest:
         return f"[[{table}]]" if isinstance(inside, list) else f"[{table}]" if isinstance(inside, dict) else str(table)
     if isinstance(inside, list) and isinstance(rest[0], int):
@@ -114,8 +132,18 @@ def _without_misspelt(details: list[ErrorDetails], schema: type[BaseModel]) -> l
 
 
 def _short(value: Any) -> str:
-    shown = repr(value)
+    try:
+        shown = repr(value)
+    except ValueError:  # an integer of more digits than Python prints
+        return "a number of thousands of digits"
     return shown if len(shown) <= 60 else shown[:57] + "..."
+
+
+def _key(part: int | str) -> int | str:
+    """A key as it may stand in one line."""
+    if isinstance(part, int) or (part.isprintable() and len(part) <= 60):
+        return part
+    return _short(part)
 
 
 def _keys(schema: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:

@@ -108,7 +108,7 @@ def test_arithmetic_means_what_python_means(text: str) -> None:
     try:
         value = evaluate(text, FLOAT)
     except ExpressionError:
-        assert text.count("**2") > 6  # only too high a power may be refused
+        assert text.count("**2") > 4 or text.count("sin(") > 3  # only high powers and deep functions may be refused
         return
     expected = eval(text, {"x": 0.5, "sin": sin})  # noqa: S307 - the text is made here
     assert isclose(value, expected, rel_tol=1e-12, abs_tol=1e-12) or value == expected

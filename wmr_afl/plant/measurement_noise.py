@@ -27,8 +27,13 @@ class MeasurementNoise:
 
     def samples(self, count: int) -> Vector:
         """Standard normal samples, (count, 2n-m), the same for the same seed."""
-        return np.random.Generator(np.random.Philox(self.seed)).standard_normal((count, len(self.deviation)))
+        return normal_samples(np.random.Generator(np.random.Philox(self.seed)), count, len(self.deviation))
 
     def measured(self, x: Array, sample: Array, k: SimpleNamespace) -> Array:
         """The state that the controller sees."""
         return x + k.noise_deviation * sample
+
+
+def normal_samples(generator: np.random.Generator, count: int, size: int) -> Vector:
+    """The next standard normal samples, (count, size); taken in parts they are the same."""
+    return generator.standard_normal((count, size))

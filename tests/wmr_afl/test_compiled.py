@@ -1,0 +1,230 @@
+"""Machine code gives what the other backends give: exactly where it can, and nowhere a silent number for none."""
+
+import ctypes
+import math
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+
+import wmr_afl
+from tests.conftest import ROOT
+from wmr_afl import ShapeError, SimulationWarning, UnknownNameError, WmrError
+from wmr_afl.assembly import assemble
+from wmr_afl.compiled import build
+from wmr_afl.compiled.kernel import Kernel, Progressed, kernel_text
+from wmr_afl.compiled.printer import print_step
+from wmr_afl.experiment import list_experiments, read_experiment
+from wmr_afl.simulation import simulate, trace
+
+pytestmark = pytest.mark.skipif(build.compiler() is None, reason="no C compiler")
+
+
+def kernel_of(function, lanes: int = 1) -> Kernel:
+    """A kernel whose next state is a function of the state; its one signal is that state."""
+    z, t, sample, k = (ca.SX.sym(name) for name in ("z", "t", "sample", "k"))
+    step = ca.Function("step", [z, t, sample, k], [function(z, t), ca.if_else(True, 1.0, z)])
+    return Kernel(step, 0, lanes)
+
+
+def once(kernel: Kernel, values: np.ndarray) -> np.ndarray:
+    """One step of many states, block after block."""
+    padded = np.concatenate([values, np.zeros(-len(values) % kernel.lanes)]).reshape(-1, kernel.lanes)
+    results = []
+    for row in padded:
+        progressed = Progressed.at_start(row[None, :], 1)
+        kernel.advance(progressed, np.zeros(1), None, np.zeros((1, kernel.lanes)))
+        results.append(progressed.state[0])
+    return np.concatenate(results)[: len(values)]
+
+
+@pytest.mark.parametrize(("name", "function", "exact"), [("sin", ca.sin, mpmath.sin), ("cos", ca.cos, mpmath.cos)])
+def test_sine_and_cosine_are_accurate_to_two_units_in_the_last_place(name: str, function, exact) -> None:
+    random = np.random.default_rng(0)
+    near = np.array([k * math.pi / 2 + d for k in range(-50, 51) for d in (0.0, 1e-9, -1e-5)])
+    angles = np.concatenate([
+        random.uniform(-1, 1, 400), random.uniform(-10, 10, 400), random.uniform(-1e5, 1e5, 400), near,
+        10.0 ** random.uniform(5, 15, 200), [0.0, -0.0, 5e-324, 1e-8, 99999.9, 100000.1],
+    ])  # fmt: skip
+    found = once(kernel_of(lambda z, t: function(z), 32), angles)
+    with mpmath.workdps(60):
+        for angle, value in zip(angles, found, strict=True):
+            truth = exact(mpmath.mpf(float(angle)))
+            unit = math.ulp(max(abs(float(truth)), 1e-300))
+            assert abs(mpmath.mpf(float(value)) - truth) <= 2.0 * unit, (name, angle)
+
+
+def test_numbers_that_are_none_stay_none() -> None:
+    odd = np.array([np.nan, np.inf, -np.inf])
+    for function in (
+        ca.sin,
+        ca.cos,
+        lambda z: ca.fmin(z, 1.0),
+        ca.sign,
+        lambda z: ca.fmax(1.0, z),
+        lambda z: ca.fmin(2.0, z),
+    ):
+        assert np.isnan(once(kernel_of(lambda z, t, f=function: f(z)), odd))[0]
+
+
+@pytest.mark.parametrize("study", [name for name in list_experiments() if name != "study_2_high_gain"])
+def test_compiled_and_casadi_agree(study: str) -> None:
+    """Every robot and every controller; with the robust term until it chatters."""
+    for name, loop in assemble(*read_experiment(study)).items():
+        first, second = (simulate(loop, 5.0, name, backend) for backend in ("casadi", "compiled"))
+        for signal in ("state", "input", "command", "error", "estimate"):
+            a, b = getattr(first, signal), getattr(second, signal)
+            assert np.max(np.abs(a - b), initial=0.0) <= 1e-9 * max(1.0, np.max(np.abs(a), initial=0.0)), signal
+
+
+def test_study_1_agrees_over_all_steps_and_to_the_bit_with_itself() -> None:
+    first, second = (wmr_afl.run("study_1", backend="compiled") for _ in range(2))
+    for name, other in wmr_afl.run("study_1", backend="casadi").items():
+        assert np.max(np.abs(first[name].state - other.state)) <= 1e-9 * np.max(np.abs(other.state))
+        assert first[name].state.tobytes() == second[name].state.tobytes()
+
+
+def test_a_failure_is_told_as_by_the_other_backends(tmp_path: Path) -> None:
+    text = (ROOT / "wmr_afl" / "experiments" / "study_1.toml").read_text().replace("lower = 0.1", "lower = 1e-14")
+    (tmp_path / "wild.toml").write_text(text)
+    failures = []
+    for backend in ("casadi", "compiled"):
+        with pytest.warns(SimulationWarning, match="singular"):
+            failures.append(wmr_afl.run(tmp_path / "wild.toml", backend, "AFL")["AFL"].failure)
+    assert failures[0].time == failures[1].time
+
+
+def test_the_text_is_the_same_every_time_and_in_every_process() -> None:
+    script = (
+        "import sys; from wmr_afl.assembly import assemble; from wmr_afl.experiment import read_experiment\n"
+        "from wmr_afl.simulation import trace; from wmr_afl.compiled.kernel import kernel_text\n"
+        "sys.stdout.write(kernel_text(trace(assemble(*read_experiment('study_1'))['AFL']), 17, 8))"
+    )
+    texts = {
+        subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    }
+    assert texts == {kernel_text(trace(assemble(*read_experiment("study_1"))["AFL"]), 17, 8)}
+
+
+def test_a_library_is_built_once_and_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WMR_AFL_CACHE", str(tmp_path))
+    text = "double f(void) { return 4.0; }"
+    for _ in range(2):
+        library = build.library(text)
+        library.f.restype = ctypes.c_double
+        assert library.f() == 4.0
+    assert [path.suffix for path in (tmp_path / "wmr-afl").iterdir()] == [".so"]
+    with pytest.raises(WmrError, match="failed on the closed loop"):
+        build.library("this is no C")
+    assert len(list((tmp_path / "wmr-afl").iterdir())) == 1
+
+
+def test_several_processes_may_build_the_same(tmp_path: Path) -> None:
+    script = "from wmr_afl.compiled import build; build.library('int g(void) { return 1; }')"
+    environment = {"WMR_AFL_CACHE": str(tmp_path), "PATH": "/usr/local/bin:/usr/bin:/bin", "PYTHONPATH": str(ROOT)}
+    running = [subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, env=environment) for _ in range(4)]
+    assert [process.wait(60) for process in running] == [0] * 4
+    assert len(list((tmp_path / "wmr-afl").glob("*.so"))) == 1
+
+
+def test_without_a_compiler_one_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    from wmr_afl import batch, simulation
+
+    monkeypatch.setattr(simulation, "compiler", lambda: None)
+    monkeypatch.setattr(simulation, "WORTH_BUILDING", 1)
+    assert wmr_afl.run("study_1", controllers="AFL")["AFL"].failure is None
+    monkeypatch.setattr(batch, "compiler", lambda: None)
+    assert wmr_afl.run_batch("study_1", start={"x": [15.0, 15.1]}).rms.shape == (2, 2)
+    monkeypatch.setattr(build, "compiler", lambda: None)
+    build._identity.cache_clear()
+    with pytest.raises(WmrError, match="no C compiler was found"):
+        build.library("int h(void) { return 3; }")
+    build._identity.cache_clear()
+
+
+def test_constants_are_printed_to_the_bit() -> None:
+    x = ca.SX.sym("x")
+    program = print_step(ca.Function("f", [x], [x * 0.1 + 1e-17]), ["x"], ["y{i}"], shared=-1)
+    literals = [line.split("= ")[1].rstrip(";") for line in program.shared]
+    assert {Fraction(float.fromhex(text)) for text in literals} == {Fraction(0.1), Fraction(1e-17)}
+
+
+BATCH = {"m_C": [30.0, 36.0, 42.0], "K1": [7.0, 7.2, 7.4]}
+
+
+def test_a_batch_gives_what_single_runs_give(tmp_path: Path) -> None:
+    batch = wmr_afl.run_batch("study_1", parameters=BATCH, start={"x": [15.0, 15.5, 14.5]}, since=50.0)
+    text = (ROOT / "wmr_afl" / "experiments" / "study_1.toml").read_text()
+    for i in range(3):
+        changed = text.replace("[start]", f"[parameters]\nm_C = {BATCH['m_C'][i]}\nK1 = {BATCH['K1'][i]}\n[start]")
+        (tmp_path / "one.toml").write_text(changed.replace("x = 15.0", f"x = {[15.0, 15.5, 14.5][i]}"))
+        one = wmr_afl.run(tmp_path / "one.toml", controllers="AFL")["AFL"]
+        np.testing.assert_allclose(batch.rms[i], one.rms(since=50.0), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(batch.largest_input[i], np.abs(one.input[2500:]).max(axis=0), rtol=1e-9)
+    assert not batch.failed.any()
+
+
+def test_exact_estimates_follow_each_robot_of_a_batch() -> None:
+    batch = wmr_afl.run_batch("track_type_1_1", parameters={"m": [60.0, 80.0, 120.0]}, since=20.0)
+    assert batch.rms.max() < 1e-3
+
+
+def test_noise_of_a_batch_is_each_seeds_own(tmp_path: Path) -> None:
+    text = (
+        (ROOT / "wmr_afl" / "experiments" / "study_1.toml").read_text().replace("duration = 140.0", "duration = 30.0")
+    )
+    noise = "[uncertainties]\nmeasurement_noise = {{ deviation = 0.001, seed = {} }}\n[shared]"
+    batch = None
+    for seed in (3, 4):
+        (tmp_path / "noisy.toml").write_text(text.replace("[shared]", noise.format(seed), 1))
+        batch = batch or wmr_afl.run_batch(tmp_path / "noisy.toml", seeds=[3, 4])
+        one = wmr_afl.run(tmp_path / "noisy.toml", controllers="AFL")["AFL"]
+        np.testing.assert_allclose(batch.rms[seed - 3], one.rms(), rtol=1e-9)
+
+
+def test_a_batch_does_not_depend_on_threads_blocks_or_backend() -> None:
+    random = np.random.default_rng(0)
+    start = {"x": random.uniform(14.0, 16.0, 70), "phi": random.uniform(-0.3, 0.3, 70)}
+    first, second = (wmr_afl.run_batch("study_1", start=start, threads=threads) for threads in (1, 2))
+    assert first.final_state.tobytes() == second.final_state.tobytes()
+    some = {name: column[40:43] for name, column in start.items()}
+    few = wmr_afl.run_batch("study_1", start=some)
+    np.testing.assert_allclose(few.final_state, first.final_state[40:43], rtol=1e-12, atol=1e-12)
+    interpreted = wmr_afl.run_batch("study_1", start=some, backend="casadi")
+    np.testing.assert_allclose(interpreted.rms, few.rms, rtol=1e-9)
+    np.testing.assert_allclose(interpreted.largest_error, few.largest_error, rtol=1e-9)
+
+
+def test_a_robot_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
+    text = (ROOT / "wmr_afl" / "experiments" / "study_1.toml").read_text().replace("lower = 0.1", "lower = 1e-14")
+    (tmp_path / "wild.toml").write_text(text)
+    batch = wmr_afl.run_batch(tmp_path / "wild.toml", start={"x": [15.0, 15.0]}, values={"lower": np.vstack([
+        np.full(6, 1e-14), np.array([-np.inf, -np.inf, -np.inf, -np.inf, 0.1, 0.1])])})  # fmt: skip
+    assert batch.failed.tolist() == [True, False]
+    assert 0.0 < batch.failure_time[0] < 2.0
+    assert np.isinf(batch.rms[0]).all()
+    assert batch.rms[1].max() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "words"),
+    [
+        (lambda: wmr_afl.run_batch("study_1"), ShapeError, "how many robots"),
+        (lambda: wmr_afl.run_batch("study_1", start={"x": [1.0, 2.0], "y": [1.0]}), ShapeError, "differ"),
+        (lambda: wmr_afl.run_batch("study_1", start={"z": [1.0, 2.0]}), UnknownNameError, "phi"),
+        (lambda: wmr_afl.run_batch("study_1", parameters={"mass": [1.0]}), UnknownNameError, "m_C"),
+        (lambda: wmr_afl.run_batch("study_1", values={"gain": [1.0]}), UnknownNameError, "Gamma"),
+        (lambda: wmr_afl.run_batch("study_1", values={"Gamma": [[1.0, 2.0]]}), ShapeError, "Gamma"),
+        (lambda: wmr_afl.run_batch("study_1", "PID", start={"x": [1.0]}), UnknownNameError, "AFL"),
+        (lambda: wmr_afl.run_batch("study_1", start={"x": [1.0]}, backend="numpy"), UnknownNameError, "compiled"),
+    ],
+)
+def test_a_batch_that_means_nothing_is_refused(call, kind: type[Exception], words: str) -> None:
+    with pytest.raises(kind, match=words):
+        call()

@@ -11,9 +11,8 @@ ROBOTS := $(sort $(wildcard derive/robots/*.toml))
 help:  ## Show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
 
-run: $(VENV)/run.installed check-generated  ## Derive the robots, check the generated code, run the paper's study into results/
+run: $(VENV)/run.installed check-generated  ## Derive the robots, check the generated code, run the paper's studies into results/
 	$(BIN)/wmr-afl reproduce --out results
-	$(BIN)/wmr-afl simulate study_1 --out results
 
 test: lint types check-generated  ## Install what is needed and run every check
 	$(BIN)/python -m pytest -n 2 -q

@@ -39,6 +39,15 @@ class Plausibility:
             problem = f"has the unit {format_unit(found)}"
             raise self.reader.mistake(place, problem, f"this place takes {unit}")
 
+    def has_one_unit(self, expression: Expr, place: str) -> None:
+        """Raises InputError, where a sum adds different units."""
+        try:
+            self.units.of(expression)
+        except MixedUnits as error:
+            raise self.reader.mistake(place, str(error), "mind the units") from None
+        except UnknownUnit:
+            return
+
     def is_positive(self, expression: Expr, place: str) -> None:
         """Raises InputError, where the value at the default parameters is zero or negative."""
         value = self.value(expression, place)

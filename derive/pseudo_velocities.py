@@ -10,7 +10,7 @@ from sympy import Expr, Matrix, Symbol
 
 from derive.constraints import Constraints, plane_velocities, stacked
 from derive.elimination import NotSolvable
-from derive.exact import NotRepresentable, Point
+from derive.exact import FIELD, NotRepresentable, Point
 from derive.kinematics import Kinematics, solve_kinematics
 from derive.motion import Form, Velocity
 from derive.robot import Robot
@@ -123,8 +123,8 @@ def _determinants(matrix: Matrix, robot: Robot) -> set[int]:
     raise NotRepresentable(matrix)
 
 
-def _failures(matrix: Matrix, robot: Robot) -> tuple[bool, int]:
-    """Whether det [A; N] vanishes with all coordinates at zero, and at how many quarter turns of single joints."""
+def _failures(matrix: Matrix, robot: Robot) -> tuple[bool, int, int]:
+    """Whether det [A; N] vanishes at zero, on how many joints it depends, at how many quarter turns it vanishes."""
 
     def vanishes_at(place: dict[Symbol, Expr]) -> bool:
         try:
@@ -134,4 +134,17 @@ def _failures(matrix: Matrix, robot: Robot) -> tuple[bool, int]:
 
     joints = [q for q in robot.coordinates if any(q in frame.angle.free_symbols for frame in robot.frames[1:])]
     quarters = [{q: sign * sp.pi / 2} for q in joints for sign in (1, -1)]
-    return vanishes_at(dict.fromkeys(robot.coordinates, sp.S.Zero)), sum(map(vanishes_at, quarters))
+    moving = sum(change != 0 for change in _slopes(matrix, joints))
+    return vanishes_at(dict.fromkeys(robot.coordinates, sp.S.Zero)), moving, sum(map(vanishes_at, quarters))
+
+
+def _slopes(matrix: Matrix, joints: list[Symbol]) -> list[Expr]:
+    """How det [A; N] changes from one random configuration to another that differs in one joint only."""
+    changes = []
+    for q in joints:
+        try:
+            here, there = (Point(0, values={q: FIELD(number)}).determinant(matrix) for number in (3, 5))
+            changes.append(sp.Integer(here - there))
+        except NotRepresentable:
+            changes.append(sp.S.One)
+    return changes

@@ -88,7 +88,10 @@ class _Resolver:
         if not self.told.outputs:
             remedy = "add outputs, or controller = false at the top for a model without a controller"
             raise self.reader.mistake("[outputs]", "missing", remedy)
-        return {name: self.of_coordinates(text, f"[outputs] {name}") for name, text in self.told.outputs.items()}
+        outputs = {name: self.of_coordinates(text, f"[outputs] {name}") for name, text in self.told.outputs.items()}
+        for name, output in outputs.items():
+            self.plausible.has_one_unit(output, f"[outputs] {name}")
+        return outputs
 
     def known(self, name: str) -> Symbol:
         if name not in self.p:

@@ -63,6 +63,9 @@ class _Assembly:
         start = np.array([self.experiment.start.get(name, 0.0) for name in states[: model.coordinate_count]])
         with np.errstate(all="ignore"):
             theta, inertia = model.base_parameters(p), model.inertia_matrix(start, p)
+        for (name, unit), value in zip(model.parameter_units.items(), p, strict=True):
+            if unit in ("kg", "kg m^2") and value < 0.0:
+                raise WmrError(f"{name} = {value:g} {unit} is negative; choose a mass or inertia that a robot can have")
         given = ", ".join(f"{name} = {value:g}" for name, value in self.experiment.parameters.items()) or "the defaults"
         if not np.all(np.isfinite(theta)):
             raise WmrError(f"the base parameters are not finite with {given}; choose values that a robot can have")
@@ -135,7 +138,13 @@ class _Assembly:
             guessed = {**self.experiment.parameters, **table.guess}
             if table.guess and table.estimate != "exact":
                 raise WmrError("stands beside an estimate; give one of them")
-            guess = model.base_parameters(model.parameters(**guessed))
+            for parameter in table.guess:
+                if parameter in model.known_units:
+                    raise WmrError(f"the controller knows {parameter}; guess uncertain parameters")
+            with np.errstate(all="ignore"):
+                guess = model.base_parameters(model.parameters(**guessed))
+            if not np.all(np.isfinite(guess)):
+                raise WmrError("gives base parameters that are not finite; guess values that a robot can have")
         with self.at(place("estimate")):
             if table.guess:
                 estimate = guess

@@ -96,13 +96,13 @@ def check(model: Annotated[str, typer.Argument(help="A shipped model, or a folde
 
     with _reporting():
         situation = Situation(model)
-    table = Table("law", "what must hold", "deviation", "at most", "", box=None, header_style="bold")
+        deviations = {law: law.deviation(situation) for law in LAWS if law.applies(situation.numpy)}
+    table = Table("law", "what must hold", "deviation", "at most", "verdict", box=None, header_style="bold")
     obeyed = True
-    for law in (law for law in LAWS if law.applies(situation.numpy)):
-        deviation = law.deviation(situation)
+    for law, deviation in deviations.items():
         holds = deviation <= law.tolerance  # also where the deviation is not a number
         table.add_row(
-            law.name, escape(law.statement), f"{deviation:.1e}", f"{law.tolerance:g}", "" if holds else "BROKEN"
+            law.name, escape(law.statement), f"{deviation:.1e}", f"{law.tolerance:g}", "holds" if holds else "BROKEN"
         )
         obeyed = obeyed and holds
     _console.print(table)
@@ -215,7 +215,7 @@ def reproduce(
 def _print_verdicts(studies: dict[str, dict[str, Run]]) -> None:
     from wmr_afl.claims import CLAIMS
 
-    table = Table("study", "the paper's claim", "measured", "")
+    table = Table("study", "the paper's claim", "measured", "verdict")
     for claim in CLAIMS:
         verdict = claim.judge(studies[claim.experiment])
         table.add_row(claim.experiment, verdict.claim, verdict.measured, "met" if verdict.is_met else "not met")
@@ -245,7 +245,13 @@ def _run_with_progress(experiment: str, backend: str, controllers: list[str] | N
 
 def _print_metrics(title: str, runs: dict[str, Run]) -> None:
     table = Table(
-        "controller", "RMS error", "RMS error, settled", "largest input", "", title=escape(title), title_justify="left"
+        "controller",
+        "RMS error",
+        "RMS error, settled",
+        "largest input",
+        "failure",
+        title=escape(title),
+        title_justify="left",
     )
     for name, run in runs.items():
         found = metrics(run)

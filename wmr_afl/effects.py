@@ -85,6 +85,9 @@ class _Effects:
         with self.at("[uncertainties.payload] parameters"):
             if table is None:
                 return None
+            for name in table.parameters:
+                if name in self.model.known_units:
+                    raise WmrError(f"{name} is a known constant, not part of the payload; change uncertain parameters")
             return PayloadChange(
                 self.model, table.time, self.model.parameters(**{**self.experiment.parameters, **table.parameters})
             )

@@ -12,6 +12,8 @@ from wmr_afl.run import Run
 
 Numbers = NDArray[np.float64]
 
+WEAKEST = 1e-6  # of the best determined direction; what is weaker does not count as determined
+
 
 @dataclass(frozen=True)
 class Excitation:
@@ -26,8 +28,8 @@ class Excitation:
 
     @property
     def is_persistent(self) -> bool:
-        """Whether every window determines every direction, as far as numbers can tell."""
-        return bool(np.all(self.level > 1e-9 * self.highest.max()))
+        """Whether every window determines every direction at least a millionth as well as the best one."""
+        return bool(np.all(self.level > WEAKEST * self.highest.max()))
 
     @property
     def excited(self) -> tuple[str, ...]:
@@ -61,7 +63,7 @@ def excitation(run: Run, known: Numbers, scale: Numbers, window: float = 20.0, s
 def _determined(integral: Numbers) -> Numbers:
     """The squared length of every axis' part in the space that the integral determines."""
     values, vectors = np.linalg.eigh(integral)
-    kept = vectors[:, values > 1e-9 * values[-1]]
+    kept = vectors[:, values > WEAKEST * values[-1]]
     return np.asarray(np.sum(kept**2, axis=1))
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wmr_afl.errors import InputError, WmrError
 from wmr_afl.model import Model
-from wmr_input import Algebra, evaluate
+from wmr_input import LONGEST_FORMULA, Algebra, evaluate
 
 Numbers = NDArray[np.float64]
 
@@ -116,7 +116,9 @@ class Geometry:
 
     def _value(self, kind: str, part: str, key: str, names: dict[str, Any]) -> Any:
         try:
-            return evaluate(self._parts[kind][part][key], Algebra(names | {"pi": np.pi}, _FUNCTIONS, _number))
+            return evaluate(
+                self._parts[kind][part][key], Algebra(names | {"pi": np.pi}, _FUNCTIONS, _number), LONGEST_FORMULA
+            )
         except (KeyError, TypeError, WmrError) as error:
             problem = f"cannot be read ({error})"
             raise InputError(self._file, f"geometry {kind} {part} {key}", problem, "derive the robot again") from None

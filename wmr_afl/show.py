@@ -11,6 +11,12 @@ from rich.table import Table
 
 from wmr_afl.model import Model
 
+FORMS = {
+    "forward": "forward: v' is linear in theta; the robot can be adapted",
+    "inverse": "inverse: the inputs that bring about v' = a are linear in theta",
+    "physical": "physical: linear in no theta, which stands for the uncertain parameters themselves",
+}
+
 
 def describe(model: Model) -> Iterator[RenderableType]:
     """The findings of a model, part by part."""
@@ -30,7 +36,8 @@ def describe(model: Model) -> Iterator[RenderableType]:
     facts.add_row("outputs", _with_units(model.output_units))
     facts.add_row("pseudo-velocities", "\n".join(f"{v} = {form}" for v, form in found["pseudo_velocities"].items()))
     facts.add_row("", _where("not defined", found["kinematic_singularities"]) or "smooth everywhere")
-    facts.add_row("constraints", f"{len(found['constraint_rows'])}, {found['constraints']}")
+    count = len(found["constraint_rows"])
+    facts.add_row("constraints", f"{count}, {found['constraints']}" if count else "none")
     for row in found["constraint_rows"]:
         holonomic = " (can be integrated)" if row in found["holonomic_rows"] else ""
         facts.add_row("", escape(row + holonomic))
@@ -42,6 +49,7 @@ def describe(model: Model) -> Iterator[RenderableType]:
     )
     facts.add_row("degree of nonholonomy", f"{found['degree_of_nonholonomy']} (growth of brackets {growth})")
     facts.add_row("controllable", "yes, in small time" if found["controllable"] else "no")
+    facts.add_row("parametrization", FORMS[model.parametrization])
     obstacle = found["parametrization_obstacle"]
     if obstacle:
         facts.add_row("no forward form", f"the denominator {obstacle['denominator']} mixes state and parameters;")

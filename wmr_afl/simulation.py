@@ -86,11 +86,11 @@ def _failure(block: Rows, times: Rows, signals: Layout) -> Failure | None:
 
 
 _CAUSES = {
-    "x": "the state is not finite",
+    "x": "the state is not finite: the loop diverged",
     "theta_hat": "the estimate is not finite",
     "e": "the reference or the output is not finite there",
     "regularity": "the estimated decoupling matrix is singular (regularity {0:.1e}); bound the estimates",
-    "command": "the input is not finite",
+    "command": "the input is not finite: the loop diverged; bound the estimates, lower the gains or sample faster",
 }
 
 

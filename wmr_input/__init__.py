@@ -5,7 +5,17 @@ Both sides of the house stand on this package and it knows neither: `derive` tur
 """
 
 from wmr_input.errors import InputError, WmrError, closest, nearest
-from wmr_input.expression import Algebra, ExpressionError, evaluate
+from wmr_input.expression import LONGEST_FORMULA, Algebra, ExpressionError, evaluate
 from wmr_input.toml_file import read_toml
 
-__all__ = ["Algebra", "ExpressionError", "InputError", "WmrError", "closest", "evaluate", "nearest", "read_toml"]
+__all__ = [
+    "LONGEST_FORMULA",
+    "Algebra",
+    "ExpressionError",
+    "InputError",
+    "WmrError",
+    "closest",
+    "evaluate",
+    "nearest",
+    "read_toml",
+]

@@ -14,6 +14,7 @@ from typing import Any
 
 from wmr_input.errors import WmrError, closest
 
+LONGEST_FORMULA = 1_000_000  # characters of a formula in model.json
 LONGEST_TEXT = 2000  # characters; deeper or longer input is a mistake or an attack, never a robot
 HIGHEST_POWER = 16  # product of nested exponents, so that 9**9**9 costs nothing
 DEEPEST_FUNCTION = 3  # functions of functions of functions; derivatives of more explode
@@ -48,13 +49,13 @@ _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 _UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 
 
-def evaluate(text: str, algebra: Algebra) -> Any:
-    """The value of `text` in `algebra`.
+def evaluate(text: str, algebra: Algebra, longest: int = LONGEST_TEXT) -> Any:
+    """The value of `text` in `algebra`; texts that this project wrote itself may be longer than a person's.
 
     Raises: ExpressionError, where the text is not arithmetic over the algebra's names and functions.
     """
-    if len(text) > LONGEST_TEXT:
-        raise ExpressionError(f"expression of {len(text)} characters", f"use at most {LONGEST_TEXT}")
+    if len(text) > longest:
+        raise ExpressionError(f"expression of {len(text)} characters", f"use at most {longest}")
     if _depth(text) > DEEPEST_PARENTHESIS:
         raise ExpressionError(f"parentheses {_depth(text)} deep", f"use at most {DEEPEST_PARENTHESIS}")
     try:

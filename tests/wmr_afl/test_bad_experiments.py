@@ -85,7 +85,7 @@ MISTAKES = {
     "physical parameters of no robot": (
         "[start]",
         "[parameters]\nm_C = -50.0\n[start]",
-        ["[parameters]", "positive definite", "m_C = -50"],
+        ["[parameters]", "negative", "m_C = -50"],
     ),
     "parameters without finite base parameters": (
         "[start]",

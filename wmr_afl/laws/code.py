@@ -18,10 +18,11 @@ def _languages_agree(s: Situation) -> float:
 
 
 def _entrywise(value: Numbers, expected: Numbers) -> float:
-    """Largest difference relative to the entry's own largest size over the batch."""
+    """Largest difference relative to the entry's own largest size over the batch, if that is not negligible."""
     if not value.size:
         return 0.0
-    scale = np.maximum(np.max(np.abs(expected), axis=0), 1e-300)
+    largest = np.max(np.abs(expected), axis=0)
+    scale = np.maximum(largest, max(1e-3 * float(largest.max()), 1e-300))  # zero but for rounding counts as zero
     return float(np.max(np.abs(value - expected) / scale))
 
 

@@ -37,7 +37,7 @@ class Situation:
         units = list(self.numpy.state_units.values())
         n = self.numpy.coordinate_count
         spread = np.array([1.2 if unit == "rad" else 3.0 for unit in units[:n]])
-        self.q = random.uniform(-spread, spread, (count, n))
+        self.q = self._regular(random.uniform(-spread, spread, (5 * count, n)), count)
         self.v = random.normal(size=(count, len(units) - n))
         self.x = np.hstack([self.q, self.v])
         self.u = 5.0 * random.normal(size=(count, len(self.numpy.input_units)))
@@ -46,6 +46,17 @@ class Situation:
         self.eta = random.normal(size=self.v.shape)
         self.p = self.numpy.parameters() * random.uniform(0.7, 1.3, (count, len(self.numpy.parameter_units)))
         self.c = self.numpy.known(self.p)
+
+    def _regular(self, candidates: Numbers, count: int) -> Numbers:
+        """Those configurations that are farthest from where S, Mbar or D fail, for there every digit is lost."""
+        p = self.numpy.parameters()
+        with np.errstate(all="ignore"):
+            matrices = [self.numpy.inertia_matrix(candidates, p), self.numpy.kinematic_matrix(candidates, p)]
+            if self.numpy.has("decoupling_matrix"):
+                x = np.hstack([candidates, np.zeros((len(candidates), self.numpy.pseudo_velocity_count))])
+                matrices.append(self.numpy.decoupling_matrix(x, self.numpy.base_parameters(p), self.numpy.known(p)))
+            sizes = [_condition(matrix) for matrix in matrices]
+        return candidates[np.sort(np.argsort(np.prod(sizes, axis=0))[:count])]
 
     @cached_property
     def theta(self) -> Numbers:
@@ -84,6 +95,15 @@ class Situation:
     def function(self, term: str) -> ca.Function:
         """The casadi.Function of a term."""
         return self.casadi.functions()[term]
+
+
+def _condition(matrices: Numbers) -> Numbers:
+    """How far each matrix is from losing rank: largest over smallest singular value; inf where it is not finite."""
+    finite: Any = np.isfinite(matrices).all(axis=(-2, -1))
+    whole: Any = np.where(finite[..., None, None], matrices, 0.0)
+    values: Any = np.linalg.svd(whole, compute_uv=False)
+    regular = finite & (values[..., -1] > 0)
+    return np.asarray(np.where(regular, values[..., 0] / np.maximum(values[..., -1], 1e-300), np.inf))
 
 
 def relative(value: ArrayLike, expected: ArrayLike) -> float:

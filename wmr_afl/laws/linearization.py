@@ -10,7 +10,7 @@ from wmr_afl.arrays import NUMPY
 from wmr_afl.laws.law import Law, Numbers, Situation, relative, times, transposed
 from wmr_afl.linear_algebra import least_norm
 from wmr_afl.model import Model
-from wmr_input import Algebra, evaluate
+from wmr_input import LONGEST_FORMULA, Algebra, evaluate
 
 
 def _output_map(s: Situation) -> Numbers:
@@ -82,8 +82,8 @@ def _determinant(s: Situation) -> float:
     )
     denominator = s.numpy.findings["det_denominator"]
     if denominator is not None:
-        algebra = replace(algebra, names={**algebra.names, "Delta": evaluate(denominator, algebra)})
-    reported = evaluate(s.numpy.findings["det_decoupling_matrix"], algebra)
+        algebra = replace(algebra, names={**algebra.names, "Delta": evaluate(denominator, algebra, LONGEST_FORMULA)})
+    reported = evaluate(s.numpy.findings["det_decoupling_matrix"], algebra, LONGEST_FORMULA)
     return relative(np.linalg.det(matrix) / reported, np.ones(len(s.x)))
 
 

@@ -40,13 +40,17 @@ def _many(s: Situation, inputs: int) -> tuple[Numbers, Numbers, Numbers]:
     """Many states and inputs at one choice of the known constants."""
     random, count = np.random.default_rng(1), 400
     x = random.normal(size=(count, s.x.shape[1]))
-    return x, random.normal(size=(count, inputs)), s.c[0]
+    generic = np.where(s.c[0] == 0.0, random.uniform(0.5, 1.5, s.c[0].shape), s.c[0])  # zero is a special length
+    return x, random.normal(size=(count, inputs)), generic
 
 
 def _missing_rank(regressor: Numbers) -> float:
     """How many columns of the stacked regressor follow from others."""
     stacked = regressor.reshape(-1, regressor.shape[-1])
-    scaled = stacked / np.linalg.norm(stacked, axis=0)
+    sizes = np.linalg.norm(stacked, axis=0)
+    if not np.all(np.isfinite(sizes)):
+        return np.inf
+    scaled = stacked / np.where(sizes > 0.0, sizes, 1.0)  # a column of zeros counts as missing
     return float(scaled.shape[1] - np.linalg.matrix_rank(scaled, tol=1e-9))
 
 

@@ -59,19 +59,19 @@ def _some_rms_above(name: str, bound: float, since: float = 0.0) -> Callable[[Ru
 
 def _settled(runs: Runs) -> tuple[str, bool]:
     """No estimate's largest size grows by more than a twentieth in the last two sevenths of a run."""
-    texts, settled = [], True
+    texts, settled = [], all(run.failure is None for run in runs.values())
     for name, run in runs.items():
-        if np.ptp(run.estimate, axis=0).any():
+        if len(run.time) and np.ptp(run.estimate, axis=0).any():
             late = run.time > 5.0 / 7.0 * run.time[-1]
-            before, after = (np.abs(run.estimate[rows]).max() for rows in (~late, late))
+            before, after = (np.abs(run.estimate[rows]).max(initial=0.0) for rows in (~late, late))
             texts.append(f"{name}: {before:.3g} before the last 40 s, {after:.3g} in them")
-            settled = settled and run.failure is None and bool(after < 1.05 * before)
-    return "; ".join(texts), settled
+            settled = settled and bool(after < 1.05 * before)
+    return "; ".join(texts) or "a run failed", settled
 
 
 def _inputs_below(limit: float) -> Callable[[Runs], tuple[str, bool]]:
     def measure(runs: Runs) -> tuple[str, bool]:
-        largest = max(float(np.abs(run.input).max()) for run in runs.values())
+        largest = max(float(np.abs(run.input).max(initial=0.0)) for run in runs.values())
         return f"largest {largest:.3g} V", largest <= limit
 
     return measure

@@ -99,6 +99,11 @@ FIGURES: dict[str, PaperFigure] = {
     "fig9": PaperFigure(
         "study_2", "Figure 9: inputs with the robust term and without modification", _inputs("robust AFL", "AFL")
     ),
+    "high_gain": PaperFigure(
+        "study_2_high_gain",
+        "With high gains the law without modification drifts away; the modified laws do not",
+        _path_and_errors("AFL with leakage", "robust AFL", "AFL"),
+    ),
     "fig10": PaperFigure(
         "study_3",
         "Figure 10: path and errors while the wheels slip sideways from 50 s to 70 s",

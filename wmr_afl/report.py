@@ -87,11 +87,11 @@ def _excitation(name: str, runs: Runs) -> dict[str, Any] | None:
         found = excitation(run, loop.controller.known, theta, window=40.0, since=20.0)
     except SimulationError:
         return None
-    persistent = "persistently" if found.is_persistent else "not persistently"
+    verdict = "excites persistently" if found.is_persistent else "does not excite persistently"
     sentence = (
         f"Over windows of {found.window:g} s, every base parameter in units of its true value, the integral of W^T W "
         f"has smallest eigenvalues of at least {max(found.level.min(), 0.0):.2g} and largest ones of up to "
-        f"{found.highest.max():.3g}: the reference excites {persistent}."
+        f"{found.highest.max():.3g}: the reference {verdict}."
     )
     rows = [
         {

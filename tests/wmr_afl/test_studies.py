@@ -1,11 +1,12 @@
 """Studies 2 and 3: what the paper claims of them, and what its theorems promise."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from wmr_afl import Run, run
+from wmr_afl import Failure, Run, plots, run
 from wmr_afl.assembly import assemble
 from wmr_afl.beyond import beyond
 from wmr_afl.claims import CLAIMS
@@ -13,9 +14,11 @@ from wmr_afl.closed_loop import ClosedLoop
 from wmr_afl.controllers import GradientAdaptation, Leakage, OuterLoop, Projection, RobustTerm, TrackingController
 from wmr_afl.excitation import estimate_error, excitation
 from wmr_afl.experiment import read_experiment
+from wmr_afl.figures import draw
 from wmr_afl.model import load_model
 from wmr_afl.plant import Disturbance, Plant
 from wmr_afl.references import Reference, circle, figure_eight
+from wmr_afl.report import write_report
 from wmr_afl.simulation import simulate
 from wmr_afl.stability import error_system, lyapunov_function, robust_lyapunov_function, ultimate_bound
 
@@ -48,8 +51,6 @@ def test_all_three_laws_share_every_gain_but_their_modification() -> None:
 
 
 def test_a_failed_run_meets_no_claim_of_tracking(runs: dict[str, dict[str, Run]]) -> None:
-    from wmr_afl import Failure
-
     failure = Failure(3.0, "the state is not finite")
     broken = {name: replace(one, failure=failure) for name, one in runs["study_2"].items()}
     verdicts = [claim.judge(broken) for claim in CLAIMS if claim.experiment == "study_2" and "RMS" in claim.text]
@@ -212,3 +213,19 @@ def test_beyond_the_paper_covers_every_trouble(monkeypatch: pytest.MonkeyPatch) 
     assert len(rows) == 5
     assert all(list(row.errors) == ["AFL", "AFL with leakage", "robust AFL"] for row in rows)
     assert rows[0].errors != rows[1].errors
+
+
+def test_a_study_whose_runs_fail_still_yields_its_report(runs: dict[str, dict[str, Run]], tmp_path: Path) -> None:
+    failure = Failure(0.0, "the input is not finite")
+    lost = {
+        name: replace(one, **{f: getattr(one, f)[:0] for f in SIGNALS}, failure=failure)
+        for name, one in runs["study_2"].items()
+    }
+    png, _ = plots.save(draw("fig6", lost), tmp_path / "fig6")
+    page = write_report({"study_2": lost}, {"fig6": png}, [], tmp_path / "report.html").read_text()
+    assert "stopped at t = 0 s: the input is not finite" in page
+    assert "not met" in page
+    assert "data:image/png;base64," in page
+
+
+SIGNALS = ("time", "state", "input", "command", "error", "estimate", "reference")

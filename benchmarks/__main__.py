@@ -4,9 +4,14 @@ import sys
 
 from rich.console import Console
 
-from benchmarks import controller_step, growth, terms
+from benchmarks import closed_loops, controller_step, growth, terms
 
-BENCHMARKS = {"terms": terms.measure, "controller_step": controller_step.measure, "growth": growth.measure}
+BENCHMARKS = {
+    "terms": terms.measure,
+    "controller_step": controller_step.measure,
+    "closed_loops": closed_loops.measure,
+    "growth": growth.measure,
+}
 
 
 def main() -> int:

@@ -18,12 +18,14 @@ from wmr_afl.errors import (
 from wmr_afl.experiment import list_experiments
 from wmr_afl.model import Model, load_model
 from wmr_afl.model_files import list_models
+from wmr_afl.realtime import Controller
 from wmr_afl.run import Failure, Run
 from wmr_afl.running import run
 from wmr_afl.simulation import SimulationWarning
 
 __all__ = [
     "BatchResult",
+    "Controller",
     "Failure",
     "InputError",
     "MissingTermError",

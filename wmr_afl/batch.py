@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from wmr_afl.assembly import assemble
 from wmr_afl.closed_loop import ClosedLoop, Layout
 from wmr_afl.compiled.build import compiler
-from wmr_afl.compiled.kernel import SINGULAR, Kernel, Progressed
+from wmr_afl.compiled.kernel import Kernel, Progressed
 from wmr_afl.errors import ShapeError, UnknownNameError
 from wmr_afl.experiment import read_experiment
+from wmr_afl.linear_algebra import SINGULAR
 from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.simulation import trace
 from wmr_afl.variation import Variation, vary

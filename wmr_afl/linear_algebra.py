@@ -6,6 +6,8 @@ from itertools import combinations
 
 from wmr_afl.arrays import Array, Arrays
 
+SINGULAR = 1e-9  # regularity below which a matrix' inverse means nothing
+
 
 def determinant(rows: list[list[Array]]) -> Array:
     """By expansion along the first row; meant for a handful of rows."""

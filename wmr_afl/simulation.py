@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from wmr_afl.closed_loop import ClosedLoop, Layout
 from wmr_afl.compiled.build import compiler
-from wmr_afl.compiled.kernel import SINGULAR, Kernel, Progressed
+from wmr_afl.compiled.kernel import Kernel, Progressed
 from wmr_afl.errors import SimulationError, UnknownNameError
 from wmr_afl.language import Language
+from wmr_afl.linear_algebra import SINGULAR
 from wmr_afl.run import Failure, Run
 
 CHUNK = 1000  # samples that CasADi runs between two looks at the result

@@ -389,37 +389,37 @@ def reshaped(draw: st.DrawFn) -> bytes:
 # --- the law ---------------------------------------------------------------------------------------------------------
 
 
-@short(100)
+@short(50)
 @given(st.binary(max_size=200) | LINES_OF_JUNK)
 def test_junk_lines_are_told(content: bytes) -> None:
     told_well(content)
 
 
-@short(150)
+@short(75)
 @given(JUNK_TABLES.map(as_file))
 def test_junk_tables_are_told(content: bytes) -> None:
     told_well(content)
 
 
-@short(80)
+@short(40)
 @given(mixed_lines())
 def test_mixed_lines_are_told(content: bytes) -> None:
     told_well(content)
 
 
-@short(120)
+@short(60)
 @given(mutated())
 def test_mutations_are_told(content: bytes) -> None:
     told_well(content)
 
 
-@short(100)
+@short(50)
 @given(with_expressions())
 def test_junk_expressions_are_told(content: bytes) -> None:
     told_well(content)
 
 
-@short(60)
+@short(30)
 @given(reshaped())
 def test_reshaped_robots_are_told(content: bytes) -> None:
     told_well(content)
@@ -447,7 +447,6 @@ FOUND: dict[str, tuple[str, dict[Place, Any]]] = {
     "powers of e in a joint": ("type_1_1", {("frames", 1, "at"): ["a*exp(1)", "0"]}),
     "transcendental radius": ("type_1_1", {("wheels", 1, "radius"): "r_r*cos(1)"}),
     "rollers at 0.5 rad": ("mecanum", {("wheels", 0, "roller_angle"): "0.5", ("wheels", 1, "radius"): "0.1"}),
-    "rollers near pi/4": ("mecanum", {("wheels", 0, "roller_angle"): "pi/4 + 0.01"}),
     "absolute value in an output": ("type_2_0", {("outputs", "y2"): "sqrt((y + L*sin(phi))**2)"}),
     "absolute value in a position": ("type_2_0", {("frames", 0, "position"): ["x", "sqrt(y**2)"]}),
     "output singular on the straight line": ("type_2_0", {("outputs", "y2"): "(y + L*sin(phi))*sqrt(2*phi)"}),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from wmr_afl.compiled.build import library
 from wmr_afl.compiled.printer import print_step
 from wmr_afl.errors import ShapeError
+from wmr_afl.linear_algebra import SINGULAR
 
 Numbers = NDArray[np.float64]
 _ENVIRONMENT = Environment(  # C, not HTML
@@ -24,9 +25,6 @@ _ENVIRONMENT = Environment(  # C, not HTML
     lstrip_blocks=True,
     autoescape=False,  # noqa: S701
 )
-
-
-SINGULAR = 1e-9  # regularity of Dhat below which its inverse means nothing
 
 
 @dataclass

@@ -1,0 +1,106 @@
+"""A controller for a robot's own loop: measured state in, voltages out, the same law as in the simulator."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wmr_afl.assembly import assemble
+from wmr_afl.closed_loop import Layout
+from wmr_afl.controllers import TrackingController
+from wmr_afl.errors import ShapeError, SimulationError, UnknownNameError
+from wmr_afl.experiment import read_experiment
+from wmr_afl.language import Language
+from wmr_afl.linear_algebra import SINGULAR
+from wmr_afl.model import Model
+from wmr_afl.references import Reference
+
+Numbers = NDArray[np.float64]
+
+
+class Controller:
+    """u = controller.update(t, x), once a sample: the law with its own state, traced once and run without allocation.
+
+    `reference` is followed at the times that `update` is given; `sample_time` [s] is the time between two updates.
+    What reaches the motors is taken to be what was commanded, within `limits` [V] (n_u,) where those are given.
+    Raises: MissingTermError, where the law does not fit the model.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        law: TrackingController,
+        reference: Reference,
+        sample_time: float,
+        limits: ArrayLike | None = None,
+    ) -> None:
+        self.model, self.law, self.reference, self.sample_time = model, law, reference, sample_time
+        self._inputs, self._states = len(model.input_units), len(model.state_units)
+        self._limits = np.full(self._inputs, np.inf) if limits is None else np.asarray(limits, dtype=float)
+        if self._limits.shape != (self._inputs,) or not np.all(self._limits > 0):
+            raise ShapeError(f"limits are {limits!r}; expected {self._inputs} positive voltages")
+        self._buffer, self._run = self._traced().buffer()
+        self._x, self._t, self._out = np.zeros(self._states), np.zeros(1), np.zeros(self._inputs + 1)
+        self._now = Layout(law.states).pack(law.states)
+        self._next = np.zeros_like(self._now)
+        for index, array in enumerate((self._now, self._t, self._x)):
+            self._buffer.set_arg(index, memoryview(array))  # type: ignore[arg-type, call-arg]
+        for index, array in enumerate((self._out, self._next)):
+            self._buffer.set_res(index, memoryview(array))  # type: ignore[arg-type, call-arg]
+        self.reset()
+
+    @classmethod
+    def from_experiment(cls, experiment: str | Path, controller: str | None = None) -> Controller:
+        """The controller of an experiment, the first unless named, with its reference, sample time and input limits.
+
+        Raises: InputError, UnknownNameError.
+        """
+        loops = assemble(*read_experiment(experiment))
+        name = next(iter(loops)) if controller is None else controller
+        if name not in loops:
+            raise UnknownNameError("controller", name, loops)
+        loop = loops[name]
+        limits = loop.plant.limits.limit if loop.plant.limits else None
+        return cls(loop.model, loop.controller, loop.reference, loop.sample_time, limits)
+
+    def update(self, t: float, x: ArrayLike) -> Numbers:
+        """The voltages (n_u,) at time t [s] for the measured state x (2n-m,).
+
+        Raises: ShapeError, where x does not fit; SimulationError, where Dhat is singular or something is not finite:
+        the controller then stays as it was before the call.
+        """
+        measured = np.asarray(x, dtype=float)
+        if measured.shape != (self._states,):
+            names = ", ".join(self.model.state_units)
+            raise ShapeError(f"x has shape {measured.shape}; expected ({self._states},): {names}")
+        self._x[:], self._t[0] = measured, t
+        self._run()
+        if not self._out[-1] >= SINGULAR:
+            raise SimulationError(f"at t = {t:g} s Dhat is singular or not finite (regularity {self._out[-1]:.1e})")
+        self._now[:] = self._next
+        return self._out[:-1].copy()
+
+    @property
+    def estimate(self) -> Numbers:
+        """theta_hat (n_theta,)."""
+        return self._now[Layout(self.law.states).places["theta_hat"]].copy()
+
+    def reset(self) -> None:
+        """Back to the first estimate."""
+        self._now[:] = Layout(self.law.states).pack(self.law.states)
+
+    def _traced(self) -> ca.Function:
+        """(state of the law, t, x) -> ([u, regularity], next state of the law)."""
+        language, states = Language.of(self.model, "casadi"), Layout(self.law.states)
+        k = SimpleNamespace(**{name: ca.DM(value) for name, value in self.law.values.items()})
+        flat, t, x = ca.SX.sym("z", states.size), ca.SX.sym("t"), ca.SX.sym("x", self._states)
+        z = states.unpack_symbols(flat)
+        action = self.law.act(x, self.reference.at(t), z, k, language)
+        applied = ca.fmin(ca.fmax(action.input, -self._limits), self._limits)
+        following = self.law.update(x, action, applied, z, k, self.sample_time, language)
+        out = ca.vertcat(applied, action.regularity)
+        return ca.Function("controller", [flat, t, x], ca.cse([ca.densify(out), states.pack_symbols(following)]))

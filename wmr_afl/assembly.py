@@ -25,11 +25,13 @@ from wmr_afl.controllers import (
 )
 from wmr_afl.effects import build_effects
 from wmr_afl.errors import InputError, UnknownNameError, WmrError
-from wmr_afl.experiment import AdaptationTable, ControllerTable, Experiment, ReferenceTable
+from wmr_afl.experiment import Experiment
 from wmr_afl.model import Model, Vector, load_model
 from wmr_afl.naming import by_name
 from wmr_afl.plant import Plant
 from wmr_afl.references import Reference
+from wmr_afl.schema.controllers import AdaptationTable, ControllerTable
+from wmr_afl.schema.motion import ReferenceTable
 
 
 def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:

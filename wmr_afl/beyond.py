@@ -12,7 +12,8 @@ import numpy as np
 from wmr_afl.assembly import assemble
 from wmr_afl.batch import rms_of_many
 from wmr_afl.closed_loop import ClosedLoop
-from wmr_afl.experiment import Experiment, InputDelayTable, MeasurementNoiseTable, PayloadTable, read_experiment
+from wmr_afl.experiment import Experiment, read_experiment
+from wmr_afl.schema.uncertainties import InputDelayTable, MeasurementNoiseTable, PayloadTable
 from wmr_afl.simulation import simulate
 
 RANDOM_ROBOTS = 100

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wmr_afl.errors import UnknownNameError, WmrError
-from wmr_afl.experiment import Named
 from wmr_afl.model import Vector
+from wmr_afl.schema.kinds import Named
 
 
 def by_name(kind: str, given: Named, names: Sequence[str], missing: float | None = None) -> Vector:

@@ -1,0 +1,1 @@
+"""What an experiment's TOML may hold: one kind of table a file."""

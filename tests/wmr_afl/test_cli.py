@@ -25,7 +25,9 @@ def run(*arguments: object, cwd: Path = ROOT) -> subprocess.CompletedProcess[str
     )
 
 
-@pytest.mark.parametrize("verb", [[], ["models"], ["show"], ["derive"], ["check"], ["simulate"], ["reproduce"]])
+@pytest.mark.parametrize(
+    "verb", [[], ["models"], ["show"], ["derive"], ["check"], ["animate"], ["simulate"], ["reproduce"]]
+)
 def test_help_tells_a_newcomer_what_there_is(verb: list[str]) -> None:
     done = run(*verb, "--help")
     assert done.returncode == 0

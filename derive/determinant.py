@@ -15,6 +15,7 @@ from derive.trigonometry import factored
 
 _LONGEST = 100  # operations; longer determinants are left as they are
 _READABLE = 25  # operations; longer denominators are told apart
+_TOLD = 3000  # operations; longer denominators are not told at all
 DENOMINATOR = Symbol("Delta")
 
 
@@ -46,8 +47,14 @@ class Determinant:
 
     @property
     def is_long(self) -> bool:
-        """Whether the denominator is too long to be told."""
+        """Whether the denominator is too long to be read."""
         return int(sp.count_ops(sp.fraction(self.whole)[1])) > _LONGEST
+
+    @property
+    def told_denominator(self) -> str | None:
+        """The denominator as text, for those who compute with it."""
+        denominator = self.denominator
+        return None if denominator is None or sp.count_ops(denominator) > _TOLD else str(denominator)
 
     @property
     def singular_where(self) -> list[str]:

@@ -54,7 +54,7 @@ def _of_control(d: Derivation, control: Control) -> dict[str, Any]:
         },
         "determinant_of": "D" if det.is_square else "D D^T",
         "det_decoupling_matrix": str(det.product),
-        "det_denominator": None if det.denominator is None or det.is_long else str(det.denominator),
+        "det_denominator": det.told_denominator,
         "singular_where": det.singular_where,
         "determinant_parameters": [theta.name for theta in d.adaptive.theta if theta in det.gain.free_symbols],
         "internal_coordinates": [z.name for z in internal.free],

@@ -134,17 +134,14 @@ def _failures(matrix: Matrix, robot: Robot) -> tuple[bool, int, int]:
 
     joints = [q for q in robot.coordinates if any(q in frame.angle.free_symbols for frame in robot.frames[1:])]
     quarters = [{q: sign * sp.pi / 2} for q in joints for sign in (1, -1)]
-    moving = sum(change != 0 for change in _slopes(matrix, joints))
+    moving = sum(_depends_on(q, matrix) for q in joints)
     return vanishes_at(dict.fromkeys(robot.coordinates, sp.S.Zero)), moving, sum(map(vanishes_at, quarters))
 
 
-def _slopes(matrix: Matrix, joints: list[Symbol]) -> list[Expr]:
-    """How det [A; N] changes from one random configuration to another that differs in one joint only."""
-    changes = []
-    for q in joints:
-        try:
-            here, there = (Point(0, values={q: FIELD(number)}).determinant(matrix) for number in (3, 5))
-            changes.append(sp.Integer(here - there))
-        except NotRepresentable:
-            changes.append(sp.S.One)
-    return changes
+def _depends_on(q: Symbol, matrix: Matrix) -> bool:
+    """Whether det [A; N] differs at two random configurations that differ in q only."""
+    try:
+        here, there = (Point(0, values={q: FIELD(number)}).determinant(matrix) for number in (3, 5))
+    except NotRepresentable:
+        return True
+    return here != there

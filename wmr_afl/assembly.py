@@ -6,10 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from wmr_afl import references
 from wmr_afl.closed_loop import ClosedLoop
@@ -26,6 +24,7 @@ from wmr_afl.controllers import (
 from wmr_afl.effects import build_effects
 from wmr_afl.errors import InputError, UnknownNameError, WmrError
 from wmr_afl.experiment import Experiment
+from wmr_afl.first_estimates import adaptation_gain, first_estimate, relative_bounds
 from wmr_afl.model import Model, Vector, load_model
 from wmr_afl.naming import by_name
 from wmr_afl.plant import Plant
@@ -137,23 +136,15 @@ class _Assembly:
                 raise WmrError("is missing; add outer_loop = { b1 = ..., b2 = ... } here or under [shared]")
             outer_loop = OuterLoop(outputs, **table.outer_loop.model_dump())
         with self.at(place("guess")):
-            guessed = {**self.experiment.parameters, **table.guess}
             if table.guess and table.estimate != "exact":
                 raise WmrError("stands beside an estimate; give one of them")
             for parameter in table.guess:
                 if parameter in model.known_units:
                     raise WmrError(f"the controller knows {parameter}; guess uncertain parameters")
-            with np.errstate(all="ignore"):
-                guess = model.base_parameters(model.parameters(**guessed))
-            if not np.all(np.isfinite(guess)):
+        with self.at(place("guess" if table.guess else "estimate")):
+            estimate = first_estimate(model, self.experiment.parameters, table)
+            if not np.all(np.isfinite(estimate)):
                 raise WmrError("gives base parameters that are not finite; guess values that a robot can have")
-        with self.at(place("estimate")):
-            if table.guess:
-                estimate = guess
-            elif table.estimate == "exact":
-                estimate = model.base_parameters(self.parameters)
-            else:
-                estimate = by_name("base parameter", table.estimate, thetas)
         adaptation = None
         if table.adaptation is not None:
             with self.at(place("adaptation")):
@@ -184,8 +175,7 @@ class _Assembly:
         if table.projection is None:
             return Projection(len(thetas))
         if table.projection.relative is not None:
-            room = table.projection.relative * np.abs(estimate)
-            return Projection(len(thetas), estimate - room, estimate + room)
+            return Projection(len(thetas), *relative_bounds(table.projection, estimate))
         return Projection(len(thetas), bounds(table.projection.lower, -np.inf), bounds(table.projection.upper, np.inf))
 
 
@@ -195,13 +185,5 @@ def _adaptation(table: AdaptationTable, estimate: Vector, thetas: list[str]) -> 
         missing = 0.0 if isinstance(table.leakage, dict) else None
         leakage = Leakage(len(thetas), by_name("base parameter", table.leakage, thetas, missing))
     normalization = None if table.normalization is None else Normalization(table.normalization)
-    gain = _gain(table, estimate, thetas)
+    gain = adaptation_gain(table, estimate, thetas)
     return GradientAdaptation(len(thetas), gain, leakage, normalization, table.input == "applied")
-
-
-def _gain(table: AdaptationTable, estimate: Vector, thetas: list[str]) -> ArrayLike:
-    """Gamma, or its diagonal."""
-    if table.relative_gain is not None:
-        return np.asarray(table.relative_gain * estimate**2)
-    gain: Any = table.gain
-    return by_name("base parameter", gain, thetas) if isinstance(gain, dict) else gain

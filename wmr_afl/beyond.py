@@ -13,6 +13,7 @@ from wmr_afl.assembly import assemble
 from wmr_afl.batch import rms_of_many
 from wmr_afl.closed_loop import ClosedLoop
 from wmr_afl.experiment import Experiment, read_experiment
+from wmr_afl.model import Model
 from wmr_afl.schema.uncertainties import InputDelayTable, MeasurementNoiseTable, PayloadTable
 from wmr_afl.simulation import simulate
 
@@ -28,14 +29,15 @@ class Row:
     errors: dict[str, str]
 
 
-def beyond(study: str, heavy: dict[str, float], seed: int = 0) -> Iterator[Row]:
-    """The study again with a payload (parameters `heavy`), with noise, with a delay, and with random robots."""
+def beyond(study: str, seed: int = 0) -> Iterator[Row]:
+    """The study again with a payload, with noise, with a delay, and with random robots."""
     told, path = read_experiment(study)
+    heavy = _doubled_masses(told, path)
     uncertainties = told.uncertainties
     half = told.simulation.duration / 2.0
     troubles: dict[str, dict[str, Any]] = {
         "as it stands": {},
-        f"a payload that doubles the mass at {half:g} s": {"payload": PayloadTable(time=half, parameters=heavy)},
+        f"every mass and inertia doubles at {half:g} s": {"payload": PayloadTable(time=half, parameters=heavy)},
         "measurement noise of 2 cm, 0.02 rad and 0.02 m/s": {
             "measurement_noise": MeasurementNoiseTable(deviation=0.02, seed=seed)
         },
@@ -48,6 +50,17 @@ def beyond(study: str, heavy: dict[str, float], seed: int = 0) -> Iterator[Row]:
         f"{RANDOM_ROBOTS} robots, every parameter within {SPREAD:.0%}: mean (worst) of the larger RMS",
         dict(_random_robots(told, path, seed)),
     )
+
+
+def _doubled_masses(told: Experiment, path: Path) -> dict[str, float]:
+    model = _model(told, path)
+    p = dict(zip(model.parameter_units, model.parameters(**told.parameters).tolist(), strict=True))
+    masses = [name for name, unit in model.parameter_units.items() if unit in ("kg", "kg m^2")]
+    return {name: 2.0 * p[name] for name in masses if name not in model.known_units}
+
+
+def _model(told: Experiment, path: Path) -> Model:
+    return next(iter(assemble(told, path).values())).model
 
 
 def _one_by_one(told: Experiment, path: Path) -> Iterator[tuple[str, str]]:
@@ -64,7 +77,7 @@ def _metres(values: np.ndarray) -> str:
 def _random_robots(told: Experiment, path: Path, seed: int) -> Iterator[tuple[str, str]]:
     """Each robot has its own parameters; what the controller may know (look-ahead, wheelbase) it knows of each."""
     random = np.random.default_rng(seed)
-    model = next(iter(assemble(told, path).values())).model
+    model = _model(told, path)
     base = dict(zip(model.parameter_units, model.parameters(**told.parameters).tolist(), strict=True))
     loops: dict[str, list[ClosedLoop]] = {}
     for _ in range(RANDOM_ROBOTS):

@@ -34,7 +34,10 @@ _errors = Console(stderr=True)
 
 Out = Annotated[Path, typer.Option(help="Folder for the results.")]
 BackendOption = Annotated[
-    str, typer.Option(help="numpy: step by step; casadi: traced and run as one function; auto: the faster one.")
+    str,
+    typer.Option(
+        help="numpy: step by step; casadi: traced; compiled: traced and built by a C compiler; auto: the faster one."
+    ),
 ]
 
 
@@ -205,7 +208,7 @@ def reproduce(
                     _console.print(escape(f"{name}: {png}, {svg}"), highlight=False)
         if not figures:
             with _errors.status("beyond the paper"):
-                rows = list(beyond("study_2", {"m_C": 20.0}))
+                rows = list(beyond("study_2"))
             _console.print(
                 escape(f"report: {write_report(studies, pictures, rows, out / 'report.html')}"), highlight=False
             )

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from wmr_afl.closed_loop import ClosedLoop, Layout
 from wmr_afl.errors import ShapeError, UnknownNameError
 from wmr_afl.experiment import Experiment
+from wmr_afl.first_estimates import adaptation_gain, first_estimate, relative_bounds
 
 Numbers = NDArray[np.float64]
 
@@ -51,16 +52,18 @@ def vary(
     model, table = loop.model, told.controller(controller)
     given = {**parameters, **start, **values, **({} if seeds is None else {"seeds": seeds})}
     count = _count(given)
-    p = np.broadcast_to(model.parameters(**{**told.parameters, **parameters}), (count, len(model.parameter_units)))
+    physical = {**told.parameters, **parameters}
+    p = np.broadcast_to(model.parameters(**physical), (count, len(model.parameter_units)))
     numbers: dict[str, Numbers] = {**loop.values, "p": p, "c": model.known(p)}
-    states: dict[str, Numbers] = dict(loop.states)
     if told.uncertainties.payload is not None:
-        changed = {**told.parameters, **parameters, **told.uncertainties.payload.parameters}
-        numbers["payload_parameters"] = model.parameters(**changed)
-    if table.guess:
-        states["theta_hat"] = np.asarray(model.base_parameters(model.parameters(**{**told.parameters, **table.guess})))
-    elif table.estimate == "exact":
-        states["theta_hat"] = np.asarray(model.base_parameters(p))
+        numbers["payload_parameters"] = model.parameters(**{**physical, **told.uncertainties.payload.parameters})
+    states: dict[str, Numbers] = dict(loop.states)
+    estimate = states["theta_hat"] = first_estimate(model, physical, table)
+    if table.adaptation is not None and table.adaptation.relative_gain is not None:
+        gain = adaptation_gain(table.adaptation, estimate, list(model.base_parameter_units))
+        numbers["Gamma"] = np.asarray(gain, dtype=float)
+    if table.projection is not None and table.projection.relative is not None:
+        numbers["lower"], numbers["upper"] = relative_bounds(table.projection, estimate)
     x = np.broadcast_to(loop.states["x"], (count, len(model.state_units))).copy()
     for name, column in start.items():
         if name not in model.state_units:
@@ -82,7 +85,7 @@ def _columns(given: Mapping[str, Numbers], example: Mapping[str, Numbers], count
     parts = []
     for name, shape in Layout(example).shapes.items():
         array = np.asarray(given[name], dtype=float)
-        if array.ndim == len(shape) and array.shape != shape and shape == (array.shape[0] and 1,):
+        if shape == (1,) and array.shape == (count,):  # one number a robot
             array = array[:, None]
         try:
             parts.append(np.broadcast_to(array, (count, *shape)).reshape(count, -1))

@@ -175,6 +175,19 @@ def test_exact_estimates_follow_each_robot_of_a_batch() -> None:
     assert batch.rms.max() < 1e-3
 
 
+def test_guesses_and_what_is_relative_to_them_follow_each_robot_of_a_batch(tmp_path: Path) -> None:
+    """Gamma and bounds told relative to theta_hat(0), which rests on each robot's own parameters besides the guess."""
+    drawn = {"m_w": [0.8, 1.4], "d": [0.02, 0.05]}
+    text = (ROOT / "wmr_afl" / "experiments" / "track_mecanum.toml").read_text().replace("= 65.0", "= 5.0")
+    (tmp_path / "base.toml").write_text(text)
+    batch = wmr_afl.run_batch(tmp_path / "base.toml", "AFL", parameters=drawn)
+    for i in range(2):
+        lines = "\n".join(f"{name} = {values[i]}" for name, values in drawn.items())
+        (tmp_path / "one.toml").write_text(text.replace("[start]", f"[parameters]\n{lines}\n\n[start]", 1))
+        one = wmr_afl.run(tmp_path / "one.toml", controllers="AFL")["AFL"]
+        np.testing.assert_allclose(batch.rms[i], one.rms(), rtol=1e-9)
+
+
 def test_noise_of_a_batch_is_each_seeds_own(tmp_path: Path) -> None:
     text = (
         (ROOT / "wmr_afl" / "experiments" / "study_1.toml").read_text().replace("duration = 140.0", "duration = 30.0")

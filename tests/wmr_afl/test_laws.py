@@ -15,6 +15,11 @@ def test_model_obeys(law: Law, situation: Situation) -> None:
     assert law.deviation(situation) <= law.tolerance, law.statement
 
 
+def test_the_reported_determinant_is_checked_on_every_robot_of_the_catalogue(situation: Situation) -> None:
+    (law,) = (law for law in LAWS if law.name == "determinant")
+    assert law.applies(situation.numpy)
+
+
 @pytest.mark.parametrize("term", TERMS)
 def test_a_wrong_term_breaks_a_law(term: str, robot: str) -> None:
     """A thousandth more in one entry, in both languages alike, is noticed."""

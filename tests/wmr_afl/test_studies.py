@@ -209,7 +209,7 @@ def test_a_robust_term_that_cannot_work_is_refused(changed: dict[str, float]) ->
 
 def test_beyond_the_paper_covers_every_trouble(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("wmr_afl.beyond.RANDOM_ROBOTS", 2)
-    rows = list(beyond("study_2", {"m_C": 20.0}))
+    rows = list(beyond("study_2"))
     assert len(rows) == 5
     assert all(list(row.errors) == ["AFL", "AFL with leakage", "robust AFL"] for row in rows)
     assert rows[0].errors != rows[1].errors

@@ -53,3 +53,14 @@ def test_measurement_noise_costs_no_more_than_itself(tmp_path: Path) -> None:
     noisy = wmr_afl.run(tmp_path / "noisy.toml")
     assert noisy["AFL"].rms(since=100.0).max() < 0.005
     assert noisy["frozen estimates"].rms(since=100.0).min() > 0.5
+
+
+def test_without_its_bound_the_run_fails_within_the_first_second(tmp_path: Path) -> None:
+    """What the study's file and the docs say of the projection."""
+    text = find_experiment("study_1").read_text()
+    unbounded = "\n".join(line for line in text.splitlines() if not line.startswith("projection"))
+    (tmp_path / "unbounded.toml").write_text(unbounded)
+    with pytest.warns(wmr_afl.SimulationWarning):
+        failure = wmr_afl.run(tmp_path / "unbounded.toml", controllers="AFL")["AFL"].failure
+    assert failure is not None
+    assert failure.time < 1.0

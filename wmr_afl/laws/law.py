@@ -17,6 +17,9 @@ from wmr_afl.model import Model, load_model
 Numbers = NDArray[np.float64]
 
 
+CLOSE = 30.0  # times worse conditioned than usual: too close to a singular configuration to measure anything
+
+
 @dataclass(frozen=True)
 class Law:
     """`deviation(situation)` is zero but for rounding, at most `tolerance`; `applies` tells to which models."""
@@ -48,7 +51,7 @@ class Situation:
         self.c = self.numpy.known(self.p)
 
     def _regular(self, candidates: Numbers, count: int) -> Numbers:
-        """Those configurations that are farthest from where S, Mbar or D fail, for there every digit is lost."""
+        """The first configurations that are not close to where S, Mbar or D fail, for there every digit is lost."""
         p = self.numpy.parameters()
         with np.errstate(all="ignore"):
             matrices = [self.numpy.inertia_matrix(candidates, p), self.numpy.kinematic_matrix(candidates, p)]
@@ -56,7 +59,9 @@ class Situation:
                 x = np.hstack([candidates, np.zeros((len(candidates), self.numpy.pseudo_velocity_count))])
                 matrices.append(self.numpy.decoupling_matrix(x, self.numpy.base_parameters(p), self.numpy.known(p)))
             sizes = [_condition(matrix) for matrix in matrices]
-        return candidates[np.sort(np.argsort(np.prod(sizes, axis=0))[:count])]
+        conditions = np.prod(sizes, axis=0)
+        kept = np.flatnonzero(conditions <= CLOSE * np.median(conditions))
+        return candidates[kept[:count]]
 
     @cached_property
     def theta(self) -> Numbers:

@@ -126,7 +126,7 @@ class _Advancing(Protocol):
 
     def advance(
         self, progressed: Progressed, times: Numbers, noise: Numbers | None, values: Numbers, since: int
-    ) -> Numbers | None: ...
+    ) -> object: ...
 
 
 def _advance_block(
@@ -179,7 +179,7 @@ class InterpretedKernel:
 
     def advance(
         self, progressed: Progressed, times: Numbers, noise: Numbers | None, values: Numbers, since: int
-    ) -> Numbers | None:
+    ) -> None:
         count, p = len(times), progressed
         steps = self._mapped.setdefault(count, self.step.mapaccum("steps", count))
         kept = max(0, since - p.samples)
@@ -195,7 +195,6 @@ class InterpretedKernel:
                 p.squares[:, lane] += np.sum(signals[:, kept:] ** 2, axis=1)
             p.largest[:, lane] = np.maximum(p.largest[:, lane], np.abs(signals[:, kept:]).max(axis=1, initial=0.0))
         p.samples += count
-        return None
 
 
 def _kernels(backend: str) -> Callable[[ca.Function, int, int], _Advancing]:

@@ -7,10 +7,21 @@ import numpy as np
 import pytest
 
 from wmr_afl.arrays import CASADI, NUMPY
-from wmr_afl.controllers import GradientAdaptation, LinearizingLaw, OuterLoop, Projection, TrackingController
+from wmr_afl.controllers import (
+    GradientAdaptation,
+    Leakage,
+    LinearizingLaw,
+    Normalization,
+    OuterLoop,
+    Projection,
+    TrackingController,
+)
+from wmr_afl.controllers.tracking import Action
 from wmr_afl.errors import ShapeError, WmrError
+from wmr_afl.language import Language
 from wmr_afl.laws import Situation
 from wmr_afl.linear_algebra import determinant, least_norm, regularity, solve
+from wmr_afl.model import load_model
 from wmr_afl.stability import error_system
 
 
@@ -113,3 +124,39 @@ def test_the_estimate_must_fit_the_model(situation: Situation) -> None:
     model = situation.numpy
     with pytest.raises(ShapeError, match="estimate"):
         TrackingController(model, model.known(model.parameters()), [1.0], OuterLoop(len(model.output_units), 2.0, 1.0))
+
+
+def test_normalized_adaptation_is_the_gradient_over_one_plus_the_regressors_square() -> None:
+    """Remark 5, and with it the rate stays bounded however large the regressor."""
+    regressor, error = np.array([[1.0, 2.0, 3.0], [0.5, 0.0, -1.0]]), np.array([0.3, -0.2])
+    one = GradientAdaptation(3, 2.0, normalization=Normalization(0.7))
+    k = SimpleNamespace(**one.values)
+    expected = 2.0 * regressor.T @ error / (1.0 + 0.7 * np.sum(regressor**2))
+    np.testing.assert_allclose(one.rate(regressor, error, np.ones(3), k), expected, rtol=1e-14)
+    sizes = [np.linalg.norm(one.rate(10.0**n * regressor, error, np.ones(3), k)) for n in range(12)]
+    assert max(sizes) < 1.0
+
+
+def test_leakage_pulls_each_estimate_by_its_own_rate() -> None:
+    """(51) with a diagonal Sigma."""
+    one = GradientAdaptation(2, [2.0, 3.0], Leakage(2, [0.1, 0.2]))
+    rate = one.rate(np.zeros((2, 2)), np.zeros(2), np.array([5.0, -7.0]), SimpleNamespace(**one.values))
+    np.testing.assert_allclose(rate, [-2.0 * 0.1 * 5.0, 3.0 * 0.2 * 7.0], rtol=1e-14)
+
+
+@pytest.mark.parametrize("sees_applied", [False, True])
+def test_adaptation_sees_the_commanded_or_the_applied_input(sees_applied: bool) -> None:
+    """theta_hat' = Gamma W^T E1 with W at the one or the other, where saturation makes them differ."""
+    model = load_model("type_2_0")
+    p = model.parameters()
+    adaptation = GradientAdaptation(6, 1.0, sees_applied=sees_applied)
+    law = TrackingController(
+        model, model.known(p), model.base_parameters(p), OuterLoop(2, 2.0, 1.0), None, adaptation
+    )  # fmt: skip
+    z, k, language = SimpleNamespace(**law.states), SimpleNamespace(**law.values), Language.of(model, "numpy")
+    x = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
+    action = Action(np.array([9.0, -4.0]), np.array([0.3, -0.2]), np.array(1.0))
+    applied = np.array([2.0, -1.0])
+    found = law.update(x, action, applied, z, k, 0.1, language)["theta_hat"]
+    regressor = model.regressor(x, applied if sees_applied else action.input, law.known)
+    np.testing.assert_allclose(found, law.estimate + 0.1 * regressor.T @ action.filtered_error, rtol=1e-12)

@@ -118,3 +118,15 @@ def test_arithmetic_means_what_python_means(text: str) -> None:
 def test_no_text_ever_gives_anything_but_a_value_or_an_expression_error(text: str) -> None:
     with contextlib.suppress(ExpressionError):
         evaluate(text, EXACT)
+
+
+def test_functions_of_functions_are_read_three_deep_and_no_deeper() -> None:
+    """Derivatives of more explode, and no robot needs them."""
+    assert evaluate("sin(sin(sin(x)))", FLOAT) is not None
+    with pytest.raises(ExpressionError, match="more than 3 deep"):
+        evaluate("sin(sin(sin(sin(x))))", FLOAT)
+
+
+def test_parentheses_have_a_deepest_level() -> None:
+    with pytest.raises(ExpressionError, match="parentheses 41 deep"):
+        evaluate("(" * 41 + "x" + ")" * 41, FLOAT)

@@ -54,9 +54,9 @@ class Layout:
         return SimpleNamespace(**parts)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """One robot, one controller, one reference, sampled every `sample_time` [s]."""
+    """One robot, one controller, one reference, sampled every `sample_time` [s]; each is its own and may be a key."""
 
     model: Model
     plant: Plant
@@ -84,8 +84,14 @@ class ClosedLoop:
             "command": inputs,
             "e": outputs,
             "theta_hat": len(self.model.base_parameter_units),
+            "reference": outputs,
             "regularity": 1,
         }
+
+    @cached_property
+    def signal_layout(self) -> Layout:
+        """Where each signal lies in a row of the log."""
+        return Layout({name: np.zeros(size) for name, size in self.signals.items()})
 
     def step(
         self, t: Array, z: SimpleNamespace, k: SimpleNamespace, sample: Array, language: Language
@@ -104,6 +110,7 @@ class ClosedLoop:
             "command": action.input,
             "e": tracking_error(z.x, k.c, reference, language).e,
             "theta_hat": z.theta_hat,
+            "reference": reference.position,
             "regularity": action.regularity,
         }
         following = {

@@ -52,14 +52,14 @@ def regularity(matrix: Array, arrays: Arrays) -> Array:
     For more columns than rows the largest of the square minors counts. No unit and no scale of a row matters.
     """
     rows = entries(matrix)
-    lengths = 1.0
+    squares = 1.0
     for row in rows:
-        lengths = lengths * arrays.sqrt(_sum(entry * entry for entry in row))
+        squares = squares * _sum(entry * entry for entry in row)
     volume = 0.0
     for chosen in combinations(range(len(rows[0])), len(rows)):
         minor = determinant([[row[j] for j in chosen] for row in rows])
         volume = arrays.maximum(volume, arrays.absolute(minor))
-    return volume / lengths
+    return volume / arrays.sqrt(squares)
 
 
 def sum_of_squares(matrix: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wmr_afl.assembly import assemble
+from wmr_afl.bound_function import bind
 from wmr_afl.closed_loop import Layout
 from wmr_afl.controllers import TrackingController
 from wmr_afl.errors import ShapeError, SimulationError, UnknownNameError
@@ -43,14 +44,10 @@ class Controller:
         self._limits = np.full(self._inputs, np.inf) if limits is None else np.asarray(limits, dtype=float)
         if self._limits.shape != (self._inputs,) or not np.all(self._limits > 0):
             raise ShapeError(f"limits are {limits!r}; expected {self._inputs} positive voltages")
-        self._buffer, self._run = self._traced().buffer()
         self._x, self._t, self._out = np.zeros(self._states), np.zeros(1), np.zeros(self._inputs + 1)
         self._now = Layout(law.states).pack(law.states)
         self._next = np.zeros_like(self._now)
-        for index, array in enumerate((self._now, self._t, self._x)):
-            self._buffer.set_arg(index, memoryview(array))  # type: ignore[arg-type, call-arg]
-        for index, array in enumerate((self._out, self._next)):
-            self._buffer.set_res(index, memoryview(array))  # type: ignore[arg-type, call-arg]
+        self._run = bind(self._traced(), (self._now, self._t, self._x), (self._out, self._next))
         self.reset()
 
     @classmethod

@@ -1,7 +1,8 @@
-"""Running a closed loop: step by step in NumPy, or traced into one CasADi function that is mapped over the samples."""
+"""Running a closed loop: step by step in NumPy, or traced once and run by CasADi's virtual machine or machine code."""
 
 from __future__ import annotations
 
+import functools
 import warnings
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
@@ -10,10 +11,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from wmr_afl.block import Watched
 from wmr_afl.closed_loop import ClosedLoop, Layout
 from wmr_afl.compiled.build import compiler
-from wmr_afl.compiled.kernel import Kernel, Progressed
+from wmr_afl.compiled.kernel import Kernel
 from wmr_afl.errors import SimulationError, UnknownNameError
+from wmr_afl.interpreted import InterpretedKernel
 from wmr_afl.language import Language
 from wmr_afl.linear_algebra import SINGULAR
 from wmr_afl.run import Failure, Run
@@ -41,21 +44,19 @@ def simulate(
     """
     if loop.sample_time > duration:
         raise SimulationError(f"a sample of {loop.sample_time:g} s is longer than the run of {duration:g} s")
-    count = round(duration / loop.sample_time) + 1
-    times = np.asarray(np.arange(count) * loop.sample_time, dtype=np.float64)
-    noise = loop.plant.noise.samples(count) if loop.plant.noise else np.zeros((count, len(loop.states["x"])))
-    signals = Layout({name: np.zeros(size) for name, size in loop.signals.items()})
-    rows = np.zeros((count, signals.size))
-    done, failure = 0, None
+    times, signals = sample_times(loop, duration), loop.signal_layout
+    noise = loop.plant.noise.samples(len(times)) if loop.plant.noise else None
+    blocks, done, failure = [], 0, None
     with np.errstate(all="ignore"):  # what is not finite is looked for below
-        for block in _stepper(backend)(loop, times, noise, signals):
-            rows[done : done + len(block)] = block
+        for block in _stepper(backend)(loop, times, noise):
+            blocks.append(block)
             failure = _failure(block, times[done:], signals)
             done = done + len(block) if failure is None else int(np.searchsorted(times, failure.time))
             progress(len(block))
             if failure is not None:
                 warnings.warn(f"{name or loop.model.name} {failure}", SimulationWarning, stacklevel=2)
                 break
+    rows = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
     logged = {signal: rows[:done, place] for signal, place in signals.places.items()}
     return Run(
         controller=name,
@@ -66,14 +67,21 @@ def simulate(
         command=logged["command"],
         error=logged["e"],
         estimate=logged["theta_hat"],
-        reference=loop.reference.over(times[:done])[0],
+        reference=logged["reference"],
         failure=failure,
     )
+
+
+def sample_times(loop: ClosedLoop, duration: float) -> Rows:
+    """The times of all samples from 0 to `duration` [s], (T,)."""
+    return np.asarray(np.arange(round(duration / loop.sample_time) + 1) * loop.sample_time, dtype=np.float64)
 
 
 def _failure(block: Rows, times: Rows, signals: Layout) -> Failure | None:
     """The first sample of a block that is singular or not finite."""
     regularity = block[:, signals.places["regularity"]][:, 0]
+    if np.isfinite(block.sum()) and regularity.min() >= SINGULAR:  # the usual case, looked at quickly
+        return None
     finite = np.isfinite(block).all(axis=1)
     bad = np.flatnonzero(~finite | (regularity < SINGULAR))
     if not len(bad):
@@ -95,59 +103,64 @@ _CAUSES = {
 }
 
 
-Stepper = Callable[[ClosedLoop, Rows, Rows, Layout], Iterator[Rows]]
+Stepper = Callable[[ClosedLoop, Rows, Rows | None], Iterator[Rows]]
 
 
-def _numpy_steps(loop: ClosedLoop, times: Rows, noise: Rows, signals: Layout) -> Iterator[Rows]:
+def _numpy_steps(loop: ClosedLoop, times: Rows, noise: Rows | None) -> Iterator[Rows]:
     """One row of signals a step."""
     language = Language.of(loop.model, "numpy")
     z, k = SimpleNamespace(**loop.states), SimpleNamespace(**loop.values)
-    for t, sample in zip(times, noise, strict=True):
+    samples = np.zeros((len(times), loop.signals["x"])) if noise is None else noise
+    for t, sample in zip(times, samples, strict=True):
         following, now = loop.step(t, z, k, sample, language)
         z = SimpleNamespace(**following)
-        yield signals.pack(now)[None, :]
+        yield loop.signal_layout.pack(now)[None, :]
 
 
-def _casadi_steps(loop: ClosedLoop, times: Rows, noise: Rows, signals: Layout) -> Iterator[Rows]:
-    """Blocks of rows, by one function mapped over the samples."""
-    step = trace(loop)
-    z, k = ca.DM(Layout(loop.states).pack(loop.states)), ca.DM(Layout(loop.values).pack(loop.values))
-    for start in range(0, len(times), CHUNK):
-        part = slice(start, start + CHUNK)
-        count = len(times[part])
-        mapped = step.mapaccum("steps", count)
-        states, rows = mapped(z, times[part][None, :], noise[part].T, ca.repmat(k, 1, count))
-        z = states[:, -1]
-        yield rows.full().T
-
-
+@functools.lru_cache(maxsize=32)
 def trace(loop: ClosedLoop) -> ca.Function:
     """The loop's step as one function of flat columns: (state, t, noise sample, values) -> (next state, signals)."""
     language = Language.of(loop.model, "casadi")
     states, values = Layout(loop.states), Layout(loop.values)
-    signals = Layout({name: np.zeros(size) for name, size in loop.signals.items()})
     z, k = ca.SX.sym("state", states.size), ca.SX.sym("values", values.size)
     t, sample = ca.SX.sym("t"), ca.SX.sym("sample", loop.signals["x"])
     following, now = loop.step(t, states.unpack_symbols(z), values.unpack_symbols(k), sample, language)
-    outputs = ca.cse([ca.densify(states.pack_symbols(following)), ca.densify(signals.pack_symbols(now))])
-    return ca.Function("step", [z, t, sample, k], outputs, ["state", "t", "sample", "values"], ["next", "signals"])
+    outputs = [ca.densify(states.pack_symbols(following)), ca.densify(loop.signal_layout.pack_symbols(now))]
+    return ca.Function(
+        "step", [z, t, sample, k], ca.cse(outputs), ["state", "t", "sample", "values"], ["next", "signals"]
+    )
 
 
-def _compiled_steps(loop: ClosedLoop, times: Rows, noise: Rows, signals: Layout) -> Iterator[Rows]:
-    """Blocks of rows, by machine code."""
-    kernel = Kernel(trace(loop), signals.places["regularity"].start)
-    z, k = Layout(loop.states).pack(loop.states), Layout(loop.values).pack(loop.values)
-    progressed = Progressed.at_start(z[:, None], signals.size)
-    for start in range(0, len(times), COMPILED_CHUNK):
-        part = slice(start, start + COMPILED_CHUNK)
-        rows = kernel.advance(progressed, times[part], noise[part] if loop.plant.noise else None, k[:, None], log=True)
-        yield rows[:, :, 0]
+_Kernel = type[Kernel] | type[InterpretedKernel]
 
 
-def _fastest_steps(loop: ClosedLoop, times: Rows, noise: Rows, signals: Layout) -> Iterator[Rows]:
+def _steps_of(kind: _Kernel, chunk: int) -> Stepper:
+    """Blocks of rows, by a kernel that runs the traced step."""
+
+    @functools.lru_cache(maxsize=32)
+    def kernel_of(loop: ClosedLoop) -> Kernel | InterpretedKernel:
+        return kind(trace(loop), Watched(loop.signal_layout.places["regularity"].start), logged=True)
+
+    def steps(loop: ClosedLoop, times: Rows, noise: Rows | None) -> Iterator[Rows]:
+        kernel = kernel_of(loop)
+        z, k = Layout(loop.states).pack(loop.states), Layout(loop.values).pack(loop.values)
+        block, held = kernel.start(z[:, None]), kernel.prepare(k[:, None])
+        for start in range(0, len(times), chunk):
+            part = slice(start, start + chunk)
+            sample = None if noise is None else noise[part, :, None]
+            yield kernel.advance(block, times[part], sample, held)[:, :, 0]
+
+    return steps
+
+
+_casadi_steps = _steps_of(InterpretedKernel, CHUNK)
+_compiled_steps = _steps_of(Kernel, COMPILED_CHUNK)
+
+
+def _fastest_steps(loop: ClosedLoop, times: Rows, noise: Rows | None) -> Iterator[Rows]:
     """Machine code where a long run pays for its building, else CasADi's virtual machine."""
     worth_building = len(times) >= WORTH_BUILDING and compiler() is not None
-    return (_compiled_steps if worth_building else _casadi_steps)(loop, times, noise, signals)
+    return (_compiled_steps if worth_building else _casadi_steps)(loop, times, noise)
 
 
 _STEPPERS: dict[str, Stepper] = {

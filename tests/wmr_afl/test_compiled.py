@@ -2,6 +2,7 @@
 
 import ctypes
 import math
+import re
 import subprocess
 import sys
 from fractions import Fraction
@@ -16,10 +17,12 @@ import wmr_afl
 from tests.conftest import ROOT
 from wmr_afl import ShapeError, SimulationWarning, UnknownNameError, WmrError
 from wmr_afl.assembly import assemble
+from wmr_afl.block import Watched
 from wmr_afl.compiled import build
-from wmr_afl.compiled.kernel import Kernel, Progressed, kernel_text
-from wmr_afl.compiled.printer import print_step
+from wmr_afl.compiled.kernel import Kernel, kernel_text
+from wmr_afl.compiled.printer import Argument, Depends, print_step
 from wmr_afl.experiment import list_experiments, read_experiment
+from wmr_afl.lockstep import watched_signals
 from wmr_afl.simulation import simulate, trace
 
 pytestmark = pytest.mark.skipif(build.compiler() is None, reason="no C compiler")
@@ -29,7 +32,7 @@ def kernel_of(function, lanes: int = 1) -> Kernel:
     """A kernel whose next state is a function of the state; its one signal is that state."""
     z, t, sample, k = (ca.SX.sym(name) for name in ("z", "t", "sample", "k"))
     step = ca.Function("step", [z, t, sample, k], [function(z, t), ca.if_else(True, 1.0, z)])
-    return Kernel(step, 0, lanes)
+    return Kernel(step, Watched(regularity=0), lanes)
 
 
 def once(kernel: Kernel, values: np.ndarray) -> np.ndarray:
@@ -37,9 +40,9 @@ def once(kernel: Kernel, values: np.ndarray) -> np.ndarray:
     padded = np.concatenate([values, np.zeros(-len(values) % kernel.lanes)]).reshape(-1, kernel.lanes)
     results = []
     for row in padded:
-        progressed = Progressed.at_start(row[None, :], 1)
-        kernel.advance(progressed, np.zeros(1), None, np.zeros((1, kernel.lanes)))
-        results.append(progressed.state[0])
+        block = kernel.start(row[None, :])
+        kernel.advance(block, np.zeros(1), None, kernel.prepare(np.zeros((1, kernel.lanes))))
+        results.append(block.state[0])
     return np.concatenate(results)[: len(values)]
 
 
@@ -101,16 +104,17 @@ def test_a_failure_is_told_as_by_the_other_backends(tmp_path: Path) -> None:
 
 
 def test_the_text_is_the_same_every_time_and_in_every_process() -> None:
-    script = (
-        "import sys; from wmr_afl.assembly import assemble; from wmr_afl.experiment import read_experiment\n"
-        "from wmr_afl.simulation import trace; from wmr_afl.compiled.kernel import kernel_text\n"
-        "sys.stdout.write(kernel_text(trace(assemble(*read_experiment('study_1'))['AFL']), 17, 8))"
-    )
+    script = "import sys; from tests.wmr_afl.test_compiled import text_of_study_1\nsys.stdout.write(text_of_study_1())"
     texts = {
         subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True).stdout
         for _ in range(2)
     }
-    assert texts == {kernel_text(trace(assemble(*read_experiment("study_1"))["AFL"]), 17, 8)}
+    assert texts == {text_of_study_1()}
+
+
+def text_of_study_1() -> str:
+    loop = assemble(*read_experiment("study_1"))["AFL"]
+    return kernel_text(trace(loop), watched_signals(loop), 8, False)[0]
 
 
 def test_a_library_is_built_once_and_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -135,12 +139,12 @@ def test_several_processes_may_build_the_same(tmp_path: Path) -> None:
 
 
 def test_without_a_compiler_one_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    from wmr_afl import batch, simulation
+    from wmr_afl import lockstep, simulation
 
     monkeypatch.setattr(simulation, "compiler", lambda: None)
     monkeypatch.setattr(simulation, "WORTH_BUILDING", 1)
     assert wmr_afl.run("study_1", controllers="AFL")["AFL"].failure is None
-    monkeypatch.setattr(batch, "compiler", lambda: None)
+    monkeypatch.setattr(lockstep, "compiler", lambda: None)
     assert wmr_afl.run_batch("study_1", start={"x": [15.0, 15.1]}).rms.shape == (2, 2)
     monkeypatch.setattr(build, "compiler", lambda: None)
     build._identity.cache_clear()
@@ -151,9 +155,23 @@ def test_without_a_compiler_one_line_says_so(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_constants_are_printed_to_the_bit() -> None:
     x = ca.SX.sym("x")
-    program = print_step(ca.Function("f", [x], [x * 0.1 + 1e-17]), ["x"], ["y{i}"], shared=-1)
-    literals = [line.split("= ")[1].rstrip(";") for line in program.shared]
+    program = print_step(ca.Function("f", [x], [x * 0.1 - 1e-17]), [Argument("x", Depends.BOTH)])
+    literals = re.findall(r"-?0x[^ ;)]+", " ".join([*program.both, *program.results[0]]))
     assert {Fraction(float.fromhex(text)) for text in literals} == {Fraction(0.1), Fraction(1e-17)}
+
+
+def test_what_does_not_change_is_computed_once() -> None:
+    """Per robot, per step, and only the rest for both; divisions by what stays become products."""
+    z, t, k = ca.SX.sym("z"), ca.SX.sym("t"), ca.SX.sym("k")
+    arguments = [Argument("z", Depends.BOTH), Argument("t", Depends.TIME), Argument("k", Depends.ROBOT)]
+    program = print_step(
+        ca.Function("f", [z, t, k], [z / ca.exp(k) + ca.tan(t), ca.sin(z) / z + ca.cos(z) / z]), arguments
+    )
+    count = {name: " ".join(getattr(program, name)) for name in ("robot", "time", "both")}
+    assert ("exp" in count["robot"], "tan" in count["time"]) == (True, True)
+    assert not re.search("exp|tan", count["both"])
+    assert count["both"].count("/") == 1  # 1/z, for both quotients
+    assert count["both"].count("sincos_of") == 1
 
 
 BATCH = {"m_C": [30.0, 36.0, 42.0], "K1": [7.0, 7.2, 7.4]}

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import functools
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
+from wmr_afl.block import Block, Watched
 from wmr_afl.compiled.build import library
-from wmr_afl.compiled.printer import print_step
+from wmr_afl.compiled.printer import Argument, Depends, print_step
 from wmr_afl.errors import ShapeError
 from wmr_afl.linear_algebra import SINGULAR
 
@@ -25,83 +24,82 @@ _ENVIRONMENT = Environment(  # C, not HTML
     lstrip_blocks=True,
     autoescape=False,  # noqa: S701
 )
-
-
-@dataclass
-class Progressed:
-    """What a block of robots has come to; grows with every call of `advance`."""
-
-    state: Numbers  # (states, lanes)
-    squares: Numbers  # (signals, lanes), sums
-    largest: Numbers  # (signals, lanes), of the sizes
-    failed: Numbers  # (lanes,), first sample that was singular or not finite, -1 where none was
-    samples: int = 0  # so far
-
-    @classmethod
-    def at_start(cls, state: Numbers, signals: int) -> Progressed:
-        state = np.array(state, dtype=float, order="C")
-        lanes = state.shape[1]
-        return cls(state, np.zeros((signals, lanes)), np.zeros((signals, lanes)), np.full(lanes, -1.0))
+_NOISE = 2  # the step's argument that may be left out where nothing reads it
 
 
 class Kernel:
     """`step` (state, t, sample, values) -> (next, signals), compiled for `lanes` robots at a time.
 
-    `regularity`: the signal whose fall below `SINGULAR` is a failure.
     Raises: WmrError, where it cannot be built.
     """
 
-    def __init__(self, step: ca.Function, regularity: int, lanes: int = 1) -> None:
-        self.lanes, self.signals = lanes, step.size1_out(1)
-        self._advance = _function(kernel_text(step, regularity, lanes))
+    def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
+        self.lanes, self.watched, self.states = lanes, watched, step.size1_in(0)
+        self.signals = step.size1_out(1) if logged else 0
+        text, self._held, self._reads_noise = kernel_text(step, watched, lanes, logged)
+        self._prepare, self._advance = _functions(text)
 
-    def advance(
-        self,
-        progressed: Progressed,
-        times: Numbers,
-        noise: Numbers | None,
-        values: Numbers,
-        since: int = 0,
-        log: bool = False,
-    ) -> Numbers:
-        """Advances `progressed` by all `times` (T,); gives the signals (T, signals, lanes) where `log`.
+    def start(self, state: Numbers) -> Block:
+        """At the start, state (states, lanes)."""
+        return Block(np.asarray(state, dtype=float), self.watched)
 
-        noise (T, samples, lanes) or none; values (values, lanes); both contiguous. Squares and sizes count from sample
-        `since` on.
+    def prepare(self, values: Numbers) -> Numbers:
+        """What no step changes, from values (values, lanes): to be given to every `advance` of these robots."""
+        held = np.empty((self._held, self.lanes))
+        self._prepare(_pointer(np.ascontiguousarray(values, dtype=float)), _pointer(held))
+        return held
+
+    def advance(self, block: Block, times: Numbers, noise: Numbers | None, held: Numbers) -> Numbers:
+        """Advances `block` by all `times` (T,); gives the signals (T, signals, lanes) where they are logged.
+
+        noise (T, samples, lanes), contiguous, or none where the step reads none.
         """
-        rows = np.empty((len(times) if log else 0, self.signals, self.lanes))
-        p = progressed
+        if noise is None and self._reads_noise:
+            raise ShapeError("this loop measures with noise; give its samples")
+        rows = np.empty((len(times), self.signals, self.lanes))
         self._advance(
-            len(times), p.samples, _pointer(np.ascontiguousarray(times)), _pointer(p.state), _pointer(noise),
-            _pointer(values), _pointer(rows if log else None), since,
-            _pointer(p.squares), _pointer(p.largest), _pointer(p.failed),
+            len(times), block.samples, _pointer(np.ascontiguousarray(times)), _pointer(noise), _pointer(held),
+            _pointer(block.rows), _pointer(rows),
         )  # fmt: skip
-        p.samples += len(times)
+        block.samples += len(times)
         return rows
 
 
-def kernel_text(step: ca.Function, regularity: int, lanes: int) -> str:
-    """The kernel's C text: the same for the same step."""
+def kernel_text(step: ca.Function, watched: Watched, lanes: int, logged: bool) -> tuple[str, int, bool]:
+    """The kernel's C text, the same for the same step; how many numbers it holds a robot; whether it reads noise."""
     lane = f"[{{i}} * {lanes} + l]"
-    arguments, results = [f"z{lane}", "t", f"sample{lane}", f"k{lane}"], [f"next{lane}", f"signals{lane}"]
-    return _ENVIRONMENT.get_template("kernel.c.jinja").render(
-        lanes=lanes,
-        program=print_step(step, arguments, results, shared=1),
-        states=step.size1_in(0),
-        samples=step.size1_in(2),
-        signals=step.size1_out(1),
-        regularity=regularity,
-        singular=SINGULAR,
+    arguments = (
+        Argument(f"kept{lane}", Depends.BOTH),
+        Argument("t", Depends.TIME),
+        Argument(f"noise{lane}", Depends.BOTH),
+        Argument(f"k{lane}", Depends.ROBOT),
     )
+    program = print_step(step, arguments)
+    reads_noise = _NOISE in program.reads
+    text = _ENVIRONMENT.get_template("kernel.c.jinja").render(
+        lanes=lanes,
+        program=program,
+        states=step.size1_in(0),
+        kept=step.size1_in(0) + watched.rows,
+        noise=step.size1_in(_NOISE) if reads_noise else 0,
+        signals=program.results[1],
+        squared=watched.squared,
+        sized=watched.sized,
+        regularity=watched.regularity,
+        singular=SINGULAR,
+        logged=logged,
+    )
+    return text, len(program.held), reads_noise
 
 
 @functools.lru_cache(maxsize=256)
-def _function(text: str) -> Callable[..., None]:
-    function = library(text).advance
+def _functions(text: str) -> tuple[ctypes._NamedFuncPointer, ctypes._NamedFuncPointer]:
+    """Pointers are given as numbers: NumPy keeps what they point to."""
+    built = library(text)
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
-    function.argtypes = [size, size, *[pointer] * 5, size, pointer, pointer, pointer]
-    function.restype = None
-    return function
+    built.prepare.argtypes, built.prepare.restype = [pointer, pointer], None
+    built.advance.argtypes, built.advance.restype = [size, size, *[pointer] * 5], None
+    return built.prepare, built.advance
 
 
 def _pointer(array: Numbers | None) -> int | None:

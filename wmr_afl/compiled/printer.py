@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import IntFlag
+from math import copysign
 
 import casadi as ca
 
 from wmr_afl.errors import WmrError
 
-_UNARY = {
+_TEMPLATES = {
     ca.OP_ASSIGN: "{0}",
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
@@ -27,8 +31,6 @@ _UNARY = {
     ca.OP_ATAN: "atan({0})",
     ca.OP_FLOOR: "floor({0})",
     ca.OP_CEIL: "ceil({0})",
-}
-_BINARY = {
     ca.OP_ADD: "{0} + {1}",
     ca.OP_SUB: "{0} - {1}",
     ca.OP_MUL: "{0} * {1}",
@@ -36,8 +38,6 @@ _BINARY = {
     ca.OP_POW: "pow({0}, {1})",
     ca.OP_CONSTPOW: "pow({0}, {1})",
     ca.OP_ATAN2: "atan2({0}, {1})",
-    ca.OP_FMIN: "smaller({0}, {1})",
-    ca.OP_FMAX: "larger({0}, {1})",
     ca.OP_LT: "(double)({0} < {1})",
     ca.OP_LE: "(double)({0} <= {1})",
     ca.OP_EQ: "(double)({0} == {1})",
@@ -46,85 +46,159 @@ _BINARY = {
     ca.OP_OR: "(double)({0} != 0.0 || {1} != 0.0)",
     ca.OP_IF_ELSE_ZERO: "({0} != 0.0 ? {1} : 0.0)",
 }
-_CIRCULAR = {ca.OP_SIN: "sine", ca.OP_COS: "cosine"}
+_EXTREMES = {ca.OP_FMIN: "smaller", ca.OP_FMAX: "larger"}  # with _or where the first is a number for sure
+_CIRCULAR = {ca.OP_SIN: "s", ca.OP_COS: "c"}
+
+
+class Depends(IntFlag):
+    """What a value depends on, and so how often it must be computed."""
+
+    NOTHING = 0
+    ROBOT = 1  # once for every robot
+    TIME = 2  # once for every step
+    BOTH = 3
 
 
 @dataclass(frozen=True)
+class Argument:
+    """An argument of the function: C for its entry {i}, and what that depends on."""
+
+    text: str
+    depends: Depends
+
+
+@dataclass
 class Program:
-    """Lines of C: what is the same for all robots of a block, then what is done for each."""
+    """Lines of C, each value assigned once."""
 
-    shared: list[str]
-    each: list[str]
+    robot: list[str] = field(default_factory=list)  # for every robot, before the first step
+    time: list[str] = field(default_factory=list)  # for every step, the same for all robots
+    both: list[str] = field(default_factory=list)  # for every step and robot
+    held: list[str] = field(default_factory=list)  # values that `robot` leaves to `both`, which reads them by name
+    results: list[list[str]] = field(default_factory=list)  # C of every entry of every result, for use after `both`
+    reads: set[int] = field(default_factory=set)  # arguments that anything depends on
+
+    def lines(self, depends: Depends) -> list[str]:
+        return {Depends.BOTH: self.both, Depends.ROBOT: self.robot}.get(depends, self.time)
 
 
-def print_step(step: ca.Function, arguments: list[str], results: list[str], shared: int) -> Program:
-    """The step as lines of C.
+@dataclass(frozen=True)
+class _Instruction:
+    operation: int
+    operands: tuple[int, ...]  # numbers of the instructions that made them
+    place: tuple[int, int] = (0, 0)  # argument or result, and its entry
+    constant: float = 0.0
 
-    `arguments` and `results` are templates over {i}, one for each of the function's; argument number `shared` is the
-    same for all robots (time), and so is what follows from it alone. Every value is assigned once; sine and cosine of
-    one angle share a reduction, `sincos_of(angle, &s, &c)`.
+
+def print_step(step: ca.Function, arguments: Sequence[Argument]) -> Program:
+    """The step as lines of C; what does not change from step to step, or from robot to robot, is computed once.
+
+    Sine and cosine of one angle share a reduction, `sincos_of(angle, &s, &c)`. Divisions by one divisor, or by one that
+    stays the same over a run, become products with its inverse.
     Raises: WmrError, where the function does what is not printed.
     """
-    walk = _Walk(step, arguments, results, shared)
-    walk.run()
-    return Program(walk.shared_lines, walk.each_lines)
+    return _Printer(list(_instructions(step)), arguments, step.n_out()).program
 
 
-class _Walk:
-    def __init__(self, step: ca.Function, arguments: list[str], results: list[str], shared: int) -> None:
-        self.step, self.arguments, self.results, self.shared = step, arguments, results, shared
-        self.shared_lines: list[str] = []
-        self.each_lines: list[str] = []
-        self.held: dict[int, str] = {}  # work vector's place -> the C name of its present value
-        self.same: set[str] = set()  # names of values that are the same for all robots
-        self.turned: dict[str, int] = {}  # angle's C name -> number of its sine and cosine
-        self.count = 0
+class _Printer:
+    def __init__(self, instructions: list[_Instruction], arguments: Sequence[Argument], results: int) -> None:
+        self.arguments, self.program = arguments, Program(results=[[] for _ in range(results)])
+        self.texts: dict[int, str] = {}  # number of an instruction -> C of its value
+        self.depends: dict[int, Depends] = {}
+        self.angles: set[int] = set()
+        self.inverses: set[int] = set()
+        self.divisions = Counter(one.operands[1] for one in instructions if one.operation == ca.OP_DIV)
+        for number, one in enumerate(instructions):
+            self.print(number, one)
 
-    def run(self) -> None:
-        for k in range(self.step.n_instructions()):
-            operation = self.step.instruction_id(k)
-            given, made = self.step.instruction_input(k), self.step.instruction_output(k)
-            if operation == ca.OP_OUTPUT:
-                self.each_lines.append(f"{self.results[made[0]].format(i=made[1])} = {self.held[given[0]]};")
-            elif operation == ca.OP_INPUT:
-                self.assign(made[0], self.arguments[given[0]].format(i=given[1]), given[0] == self.shared)
-            elif operation == ca.OP_CONST:
-                self.assign(made[0], _constant(self.step.instruction_constant(k)), True)
-            elif operation in _CIRCULAR:
-                self.circular(operation, self.held[given[0]], made[0])
-            elif operation in _UNARY:
-                self.operate(made[0], _UNARY[operation], self.held[given[0]])
-            elif operation in _BINARY:
-                self.operate(made[0], _BINARY[operation], *(self.held[place] for place in given))
-            else:
-                raise WmrError(f"operation number {operation} of the closed loop has no C; run it with backend casadi")
+    def print(self, number: int, one: _Instruction) -> None:
+        if one.operation == ca.OP_CONST:
+            self.texts[number], self.depends[number] = _constant(one.constant), Depends.NOTHING
+        elif one.operation == ca.OP_INPUT:
+            argument = self.arguments[one.place[0]]
+            self.program.reads.add(one.place[0])
+            self.assign(number, argument.text.format(i=one.place[1]), argument.depends)
+        elif one.operation == ca.OP_OUTPUT:
+            self.program.results[one.place[0]].append(self.text(one.operands[0], Depends.BOTH))
+        else:
+            depends = Depends.NOTHING
+            for operand in one.operands:
+                depends |= self.depends[operand]
+            self.operate(number, one, depends)
 
-    def operate(self, place: int, template: str, *operands: str) -> None:
-        self.assign(place, template.format(*operands), self.same.issuperset(operands))
+    def operate(self, number: int, one: _Instruction, depends: Depends) -> None:
+        """A value that is computed from others."""
+        if one.operation in _CIRCULAR:
+            angle = one.operands[0]
+            self.circular(angle, depends)
+            self.texts[number], self.depends[number] = f"{_CIRCULAR[one.operation]}{angle}", depends
+        elif one.operation == ca.OP_DIV and self.inverse_pays(one.operands[1], depends):
+            dividend, divisor = one.operands
+            if divisor not in self.inverses:
+                self.inverses.add(divisor)
+                where = self.depends[divisor]
+                self.program.lines(where).append(f"const double i{divisor} = 1.0 / {self.text(divisor, where)};")
+            self.assign(number, f"{self.text(dividend, depends)} * {self.inverse(divisor, depends)}", depends)
+        elif one.operation in _EXTREMES:
+            a, b = sorted(one.operands, key=lambda operand: self.depends[operand] == Depends.BOTH)
+            function = _EXTREMES[one.operation] + ("" if self.depends[a] & Depends.TIME else "_or")
+            self.assign(number, f"{function}({self.text(a, depends)}, {self.text(b, depends)})", depends)
+        elif one.operation in _TEMPLATES:
+            operands = (self.text(operand, depends) for operand in one.operands)
+            self.assign(number, _TEMPLATES[one.operation].format(*operands), depends)
+        else:
+            raise WmrError(f"operation number {one.operation} of the closed loop has no C; run it with backend casadi")
 
-    def assign(self, place: int, text: str, is_same: bool) -> None:
-        self.count += 1
-        name = self.held[place] = f"w{self.count}"
-        (self.shared_lines if is_same else self.each_lines).append(f"const double {name} = {text};")
-        if is_same:
-            self.same.add(name)
+    def inverse_pays(self, divisor: int, depends: Depends) -> bool:
+        """A product is several times cheaper than a division; its last digit may differ."""
+        return depends == Depends.BOTH and (self.depends[divisor] != Depends.BOTH or self.divisions[divisor] > 1)
 
-    def circular(self, operation: int, angle: str, place: int) -> None:
-        if angle not in self.turned:
-            number = self.turned[angle] = len(self.turned)
-            if angle in self.same:
-                lines, function = self.shared_lines, "sincos_far"
-                self.same |= {f"s{number}", f"c{number}"}
-            else:
-                lines, function = self.each_lines, "sincos_of"
-            lines += [f"double s{number}, c{number};", f"{function}({angle}, &s{number}, &c{number});"]
-        self.held[place] = f"{'s' if operation == ca.OP_SIN else 'c'}{self.turned[angle]}"
+    def inverse(self, divisor: int, depends: Depends) -> str:
+        return self.held(f"i{divisor}") if self.depends[divisor] == Depends.ROBOT else f"i{divisor}"
+
+    def assign(self, number: int, text: str, depends: Depends) -> None:
+        self.program.lines(depends).append(f"const double w{number} = {text};")
+        self.texts[number], self.depends[number] = f"w{number}", depends
+
+    def text(self, number: int, reader: Depends) -> str:
+        """C of a value, for use in the lines of what depends on `reader`."""
+        text = self.texts[number]
+        return self.held(text) if reader == Depends.BOTH and self.depends[number] == Depends.ROBOT else text
+
+    def held(self, text: str) -> str:
+        if text not in self.program.held:
+            self.program.held.append(text)
+        return text
+
+    def circular(self, angle: int, depends: Depends) -> None:
+        if angle not in self.angles:
+            self.angles.add(angle)
+            self.program.lines(depends).extend(
+                (f"double s{angle}, c{angle};", f"sincos_of({self.text(angle, depends)}, &s{angle}, &c{angle});")
+            )
+
+
+def _instructions(step: ca.Function) -> Iterator[_Instruction]:
+    """The function's instructions, with operands by the number of the instruction that made them, not by place."""
+    made_by: dict[int, int] = {}  # work vector's place -> number of the instruction that wrote it last
+    for number in range(step.n_instructions()):
+        operation = step.instruction_id(number)
+        given, made = step.instruction_input(number), step.instruction_output(number)
+        if operation == ca.OP_OUTPUT:
+            yield _Instruction(operation, (made_by[given[0]],), place=(made[0], made[1]))
+            continue
+        if operation == ca.OP_INPUT:
+            yield _Instruction(operation, (), place=(given[0], given[1]))
+        elif operation == ca.OP_CONST:
+            yield _Instruction(operation, (), constant=step.instruction_constant(number))
+        else:
+            yield _Instruction(operation, tuple(made_by[place] for place in given))
+        made_by[made[0]] = number
 
 
 def _constant(value: float) -> str:
     """A literal that reads back to the bit."""
-    return float(value).hex() if value == value and abs(value) != float("inf") else _special(value)
-
-
-def _special(value: float) -> str:
-    return "NAN" if value != value else "INFINITY" if value > 0 else "(-INFINITY)"
+    if value != value:
+        return "NAN"
+    text = "INFINITY" if abs(value) == float("inf") else abs(value).hex()
+    return f"(-{text})" if copysign(1.0, value) < 0 else text

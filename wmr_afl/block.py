@@ -1,0 +1,40 @@
+"""A block of robots underway: states and running summaries, one column a robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Numbers = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Watched:
+    """Entries of the signals that are summarized while a loop runs."""
+
+    regularity: int  # whose fall below SINGULAR is a failure
+    squared: tuple[int, ...] = ()  # whose squares are summed
+    sized: tuple[int, ...] = ()  # whose largest size is kept
+
+    @property
+    def rows(self) -> int:
+        return len(self.squared) + len(self.sized) + 1
+
+
+class Block:
+    """Grows with every advance; one contiguous array, so that a kernel finds all of it."""
+
+    def __init__(self, state: Numbers, watched: Watched) -> None:
+        a = len(state)
+        b, c = a + len(watched.squared), a + len(watched.squared) + len(watched.sized)
+        self.rows = np.zeros((a + watched.rows, state.shape[1]))
+        self.state, self.squares, self.largest = self.rows[:a], self.rows[a:b], self.rows[b:c]
+        self.failed = self.rows[-1]  # first sample that was singular or not finite, -1 where none was
+        self.state[:], self.failed[:] = state, -1.0
+        self.samples = 0  # so far
+
+    def count_from_here(self) -> None:
+        """Forgets the summaries of what has been, but no failure."""
+        self.squares[:], self.largest[:] = 0.0, 0.0

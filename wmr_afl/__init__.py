@@ -8,6 +8,8 @@ result["AFL"].rms(since=100.0)
 
 from wmr_afl.batch import BatchResult, run_batch
 from wmr_afl.errors import (
+    BackendWarning,
+    CompilerError,
     InputError,
     MissingTermError,
     ShapeError,
@@ -24,7 +26,9 @@ from wmr_afl.running import run
 from wmr_afl.simulation import SimulationWarning
 
 __all__ = [
+    "BackendWarning",
     "BatchResult",
+    "CompilerError",
     "Controller",
     "Failure",
     "InputError",

@@ -4,7 +4,16 @@ from collections.abc import Iterable
 
 from wmr_input import InputError, WmrError, nearest
 
-__all__ = ["InputError", "MissingTermError", "ShapeError", "SimulationError", "UnknownNameError", "WmrError"]
+__all__ = [
+    "BackendWarning",
+    "CompilerError",
+    "InputError",
+    "MissingTermError",
+    "ShapeError",
+    "SimulationError",
+    "UnknownNameError",
+    "WmrError",
+]
 
 
 class ShapeError(WmrError, ValueError):
@@ -28,3 +37,11 @@ class MissingTermError(WmrError, AttributeError):
 
 class SimulationError(WmrError):
     """A closed loop ended before its time; the text says when and why."""
+
+
+class CompilerError(WmrError):
+    """A closed loop could not be built into machine code; the text says why."""
+
+
+class BackendWarning(UserWarning):
+    """A closed loop runs in another way than it should; the text says why. Its numbers are the same."""

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Protocol
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.block import Block, Watched
 from wmr_afl.closed_loop import ClosedLoop
-from wmr_afl.compiled.build import compiler
-from wmr_afl.compiled.kernel import Kernel
 from wmr_afl.errors import UnknownNameError
-from wmr_afl.interpreted import InterpretedKernel
+from wmr_afl.kernels import KERNELS
 from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.simulation import sample_times, trace
 from wmr_afl.variation import Variation
@@ -26,14 +22,6 @@ Record = Callable[[slice, slice, Numbers], None]  # robots, samples, signals (sa
 
 LANES = 32  # robots of a block: their numbers stay in the first cache
 CHUNK = 1000  # samples of noise, or of signals that are recorded, in memory at a time
-
-
-class _Kernel(Protocol):
-    lanes: int
-
-    def start(self, state: Numbers) -> Block: ...
-    def prepare(self, values: Numbers) -> Numbers: ...
-    def advance(self, block: Block, times: Numbers, noise: Numbers | None, held: Numbers) -> Numbers: ...
 
 
 def watched_signals(loop: ClosedLoop) -> Watched:
@@ -56,7 +44,9 @@ def advance_blocks(
     Summaries count from `since` [s]; `record` is given all signals, chunk by chunk. Neither the number of threads nor
     the place of a robot among the others changes a bit of its numbers.
     """
-    kernel = _kernel(backend)(trace(loop), watched_signals(loop), LANES, record is not None)
+    if backend not in KERNELS:
+        raise UnknownNameError("backend of a batch", str(backend), KERNELS)
+    kernel = KERNELS[backend](trace(loop), watched_signals(loop), LANES, record is not None)
     times = sample_times(loop, duration)
     counted_from = int(np.ceil(since / loop.sample_time - 1e-9))
     chunk = CHUNK if loop.plant.noise or record is not None else len(times)
@@ -88,14 +78,3 @@ def _chunks(count: int, cut: int, size: int) -> Iterator[slice]:
     """Chunks of samples, with a boundary at `cut`."""
     ends = sorted({*range(0, count, size), min(cut, count), count})
     return (slice(a, b) for a, b in pairwise(ends))
-
-
-def _kernel(backend: str) -> Callable[[ca.Function, Watched, int, bool], _Kernel]:
-    kinds: dict[str, Callable[[ca.Function, Watched, int, bool], _Kernel]] = {
-        "compiled": Kernel,
-        "casadi": InterpretedKernel,
-        "auto": Kernel if compiler() is not None else InterpretedKernel,
-    }
-    if backend not in kinds:
-        raise UnknownNameError("backend of a batch", str(backend), kinds)
-    return kinds[backend]

@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 
 from wmr_afl.block import Watched
 from wmr_afl.closed_loop import ClosedLoop, Layout
-from wmr_afl.compiled.build import compiler
-from wmr_afl.compiled.kernel import Kernel
 from wmr_afl.errors import SimulationError, UnknownNameError
-from wmr_afl.interpreted import InterpretedKernel
+from wmr_afl.kernels import KERNELS, Kernel
 from wmr_afl.language import Language
 from wmr_afl.linear_algebra import SINGULAR
 from wmr_afl.run import Failure, Run
@@ -131,15 +129,12 @@ def trace(loop: ClosedLoop) -> ca.Function:
     )
 
 
-_Kernel = type[Kernel] | type[InterpretedKernel]
-
-
-def _steps_of(kind: _Kernel, chunk: int) -> Stepper:
+def _steps_of(backend: str, chunk: int) -> Stepper:
     """Blocks of rows, by a kernel that runs the traced step."""
 
     @functools.lru_cache(maxsize=32)
-    def kernel_of(loop: ClosedLoop) -> Kernel | InterpretedKernel:
-        return kind(trace(loop), Watched(loop.signal_layout.places["regularity"].start), logged=True)
+    def kernel_of(loop: ClosedLoop) -> Kernel:
+        return KERNELS[backend](trace(loop), Watched(loop.signal_layout.places["regularity"].start), 1, True)
 
     def steps(loop: ClosedLoop, times: Rows, noise: Rows | None) -> Iterator[Rows]:
         kernel = kernel_of(loop)
@@ -153,20 +148,19 @@ def _steps_of(kind: _Kernel, chunk: int) -> Stepper:
     return steps
 
 
-_casadi_steps = _steps_of(InterpretedKernel, CHUNK)
-_compiled_steps = _steps_of(Kernel, COMPILED_CHUNK)
+_casadi_steps = _steps_of("casadi", CHUNK)
+_compiled_if_possible_steps = _steps_of("auto", COMPILED_CHUNK)
 
 
 def _fastest_steps(loop: ClosedLoop, times: Rows, noise: Rows | None) -> Iterator[Rows]:
     """Machine code where a long run pays for its building, else CasADi's virtual machine."""
-    worth_building = len(times) >= WORTH_BUILDING and compiler() is not None
-    return (_compiled_steps if worth_building else _casadi_steps)(loop, times, noise)
+    return (_compiled_if_possible_steps if len(times) >= WORTH_BUILDING else _casadi_steps)(loop, times, noise)
 
 
 _STEPPERS: dict[str, Stepper] = {
     "numpy": _numpy_steps,
     "casadi": _casadi_steps,
-    "compiled": _compiled_steps,
+    "compiled": _steps_of("compiled", COMPILED_CHUNK),
     "auto": _fastest_steps,
 }
 

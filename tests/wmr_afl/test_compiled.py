@@ -5,7 +5,11 @@ import math
 import re
 import subprocess
 import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
 
 import casadi as ca
@@ -15,10 +19,11 @@ import pytest
 
 import wmr_afl
 from tests.conftest import ROOT
-from wmr_afl import ShapeError, SimulationWarning, UnknownNameError, WmrError
+from wmr_afl import BackendWarning, CompilerError, ShapeError, SimulationWarning, UnknownNameError, WmrError
 from wmr_afl.assembly import assemble
 from wmr_afl.block import Watched
 from wmr_afl.compiled import build
+from wmr_afl.compiled import kernel as kernel_module
 from wmr_afl.compiled.kernel import Kernel, kernel_text
 from wmr_afl.compiled.printer import Argument, Depends, print_step
 from wmr_afl.experiment import list_experiments, read_experiment
@@ -138,19 +143,94 @@ def test_several_processes_may_build_the_same(tmp_path: Path) -> None:
     assert len(list((tmp_path / "wmr-afl").glob("*.so"))) == 1
 
 
-def test_without_a_compiler_one_line_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    from wmr_afl import lockstep, simulation
+@pytest.fixture
+def no_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache of this test's own, and nothing remembered in this process."""
+    monkeypatch.setenv("WMR_AFL_CACHE", str(tmp_path))
+    for remembered in (build._identity, build.compiler, kernel_module._functions):
+        remembered.cache_clear()
+    yield tmp_path / "wmr-afl"
+    monkeypatch.undo()
+    for remembered in (build._identity, build.compiler, kernel_module._functions):
+        remembered.cache_clear()
 
-    monkeypatch.setattr(simulation, "compiler", lambda: None)
-    monkeypatch.setattr(simulation, "WORTH_BUILDING", 1)
-    assert wmr_afl.run("study_1", controllers="AFL")["AFL"].failure is None
-    monkeypatch.setattr(lockstep, "compiler", lambda: None)
-    assert wmr_afl.run_batch("study_1", start={"x": [15.0, 15.1]}).rms.shape == (2, 2)
+
+@contextmanager
+def one_line(words: str) -> Iterator[None]:
+    """One warning of one line that says so."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        yield
+    (warning,) = told
+    assert issubclass(warning.category, BackendWarning)
+    assert re.search(words, str(warning.message))
+    assert "\n" not in str(warning.message)
+
+
+START = {"x": [15.0, 15.1]}
+
+
+def test_without_a_compiler_one_line_says_so(no_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from wmr_afl import simulation
+
+    compiled = wmr_afl.run_batch("study_1", start=START)
     monkeypatch.setattr(build, "compiler", lambda: None)
     build._identity.cache_clear()
-    with pytest.raises(WmrError, match="no C compiler was found"):
-        build.library("int h(void) { return 3; }")
-    build._identity.cache_clear()
+    kernel_module._functions.cache_clear()
+    with one_line("no C compiler was found; running on CasADi's virtual machine"):
+        interpreted = wmr_afl.run_batch("study_1", start=START)
+    np.testing.assert_allclose(interpreted.rms, compiled.rms, rtol=1e-9)
+    monkeypatch.setattr(simulation, "WORTH_BUILDING", 1)
+    with one_line("no C compiler was found"):
+        assert wmr_afl.run("study_1", controllers="AFL")["AFL"].failure is None
+    with pytest.raises(CompilerError, match="no C compiler was found; install one, or run with backend casadi"):
+        wmr_afl.run("study_1", backend="compiled")
+
+
+def test_a_compiler_that_fails_is_told_in_one_line(no_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    failing = no_cache.parent / "bad_cc"
+    failing.write_text("#!/bin/sh\necho 'cc: fatal error: out of order' >&2\nexit 1\n")
+    failing.chmod(0o755)
+    monkeypatch.setenv("CC", str(failing))
+    with one_line("bad_cc failed on the closed loop .*out of order.*; running on CasADi's virtual machine"):
+        assert not wmr_afl.run_batch("study_1", start=START).failed.any()
+    with pytest.raises(CompilerError, match="out of order"):
+        wmr_afl.run("study_1", backend="compiled")
+
+
+def test_a_cache_that_cannot_be_written_is_told_in_one_line(no_cache: Path) -> None:
+    no_cache.write_text("a file where the folder should be")
+    with one_line("wmr-afl: cannot be written .*; running on CasADi's virtual machine"):
+        assert not wmr_afl.run_batch("study_1", start=START).failed.any()
+    with pytest.raises(CompilerError, match="set WMR_AFL_CACHE"):
+        wmr_afl.run("study_1", backend="compiled")
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda b: b[: len(b) // 2], lambda b: b"", lambda b: b[:5000] + b"\xff" * 64 + b[5064:]]
+)
+def test_a_damaged_library_is_built_again(no_cache: Path, damage) -> None:
+    first = wmr_afl.run_batch("study_1", start=START)
+    (library,) = no_cache.glob("*.so")
+    content = damage(library.read_bytes())
+    library.unlink()  # this process still has the old one in memory
+    library.write_bytes(content)
+    kernel_module._functions.cache_clear()
+    with one_line("was damaged; it is built again"):
+        second = wmr_afl.run_batch("study_1", start=START)
+    assert first.final_state.tobytes() == second.final_state.tobytes()
+    assert len(list(no_cache.iterdir())) == 1
+
+
+@pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed")
+def test_zig_builds_the_same_where_there_is_no_system_compiler(no_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    by_cc = wmr_afl.run_batch("study_1", start=START)
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.delenv("CC", raising=False)
+    for remembered in (build._identity, build.compiler, kernel_module._functions):
+        remembered.cache_clear()
+    assert build.compiler()[1] == "cc"
+    np.testing.assert_allclose(wmr_afl.run_batch("study_1", start=START, backend="compiled").rms, by_cc.rms, rtol=1e-9)
 
 
 def test_constants_are_printed_to_the_bit() -> None:

@@ -10,9 +10,11 @@ import platform
 import shutil
 import subprocess
 import tempfile
+import warnings
+from importlib.util import find_spec
 from pathlib import Path
 
-from wmr_afl.errors import WmrError
+from wmr_afl.errors import BackendWarning, CompilerError
 
 # No -ffast-math, which would drop NaN and reorder sums. A product and a sum may be fused, which rounds once instead of
 # twice. Nobody looks at errno or at floating point exceptions; without saying so, loops with comparisons are not
@@ -23,42 +25,47 @@ FLAGS = (
 )
 
 
+ELSE = "run with backend casadi"
+
+
 @functools.cache
 def compiler() -> tuple[str, ...] | None:
     """The command of a C compiler: $CC, cc, or the package ziglang if installed; None where there is none."""
     for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
         if name and shutil.which(name):
             return (str(shutil.which(name)),)
-    try:
-        import ziglang  # type: ignore[import-not-found,unused-ignore]
-    except ImportError:
+    zig = find_spec("ziglang")
+    if zig is None or not zig.submodule_search_locations:
         return None
-    return (str(Path(ziglang.__file__).parent / "zig"), "cc")
+    return (str(Path(zig.submodule_search_locations[0]) / "zig"), "cc")
 
 
 def library(text: str) -> ctypes.CDLL:
     """The library of a C text, from the cache or newly built.
 
-    Raises: WmrError, where there is no compiler or it fails.
+    Raises: CompilerError, where there is no compiler, it fails, or the cache cannot be written.
     """
-    path = place(text)
-    if not path.exists():
-        _build(text, path)
-    return ctypes.CDLL(str(path))
+    folder, key = _cache(), _key(text)
+    for path in sorted(folder.glob(f"{key}-*.so")):
+        if path.stem.partition("-")[2] == _digest(path.read_bytes()):
+            return ctypes.CDLL(str(path))
+        warnings.warn(f"{path} was damaged; it is built again", BackendWarning, stacklevel=2)
+        path.unlink(missing_ok=True)
+    return ctypes.CDLL(str(_build(text, folder, key)))
 
 
-def place(text: str) -> Path:
-    """Where the library of a text stands in the user's cache."""
-    key = "\0".join((text, *FLAGS, *_identity()))
-    return _cache() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.so"
+def _key(text: str) -> str:
+    return _digest("\0".join((text, *FLAGS, *_identity())).encode())
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:32]
 
 
 @functools.cache
 def _identity() -> tuple[str, ...]:
     """What machine code depends on besides its text: compiler and processor."""
-    command = compiler()
-    if command is None:
-        raise WmrError("no C compiler was found; install one, or run with backend casadi")
+    command = _needed_compiler()
     version = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout  # noqa: S603
     try:
         processor = next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
@@ -67,27 +74,40 @@ def _identity() -> tuple[str, ...]:
     return (*command, version, platform.machine(), processor)
 
 
+def _needed_compiler() -> tuple[str, ...]:
+    command = compiler()
+    if command is None:
+        raise CompilerError(f"no C compiler was found; install one, or {ELSE}")
+    return command
+
+
 def _cache() -> Path:
     root = os.environ.get("WMR_AFL_CACHE") or os.environ.get("XDG_CACHE_HOME")
     return (Path(root) if root else Path.home() / ".cache") / "wmr-afl"
 
 
-def _build(text: str, path: Path) -> None:
-    """Builds beside the target and moves it there at once, so that several processes may build the same."""
-    command = compiler()
-    if command is None:
-        raise WmrError("no C compiler was found; install one, or run with backend casadi")
+def _build(text: str, folder: Path, key: str) -> Path:
+    """Builds beside the target and moves it there at once, so that several processes may build the same.
+
+    A library's name ends in the digest of its content, so that a damaged one is known before it is loaded.
+    """
+    command = _needed_compiler()
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-            source, built = Path(folder) / "kernel.c", Path(folder) / "kernel.so"
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder) as place:
+            source, built = Path(place) / "kernel.c", Path(place) / "kernel.so"
             source.write_text(text, encoding="utf-8")
             done = subprocess.run(  # noqa: S603
                 [*command, *FLAGS, "-o", str(built), str(source), "-lm"], capture_output=True, text=True, check=False
             )
-            if done.returncode:
-                first = (done.stderr.splitlines() or ["no message"])[0]
-                raise WmrError(f"{command[0]} failed on the closed loop ({first}); run with backend casadi")
+            if done.returncode or not built.exists():
+                first = (done.stderr.splitlines() or [f"exit status {done.returncode}, no message"])[0]
+                raise CompilerError(f"{command[0]} failed on the closed loop ({first}); {ELSE}")
+            path = folder / f"{key}-{_digest(built.read_bytes())}.so"
             os.replace(built, path)
     except OSError as error:
-        raise WmrError(f"{path.parent}: cannot be written ({error.strerror}); set WMR_AFL_CACHE to a folder") from None
+        raise CompilerError(
+            f"{error.filename or folder}: cannot be written ({error.strerror}); "
+            f"set WMR_AFL_CACHE to a folder, or {ELSE}"
+        ) from None
+    return path

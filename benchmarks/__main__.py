@@ -4,12 +4,13 @@ import sys
 
 from rich.console import Console
 
-from benchmarks import closed_loops, controller_step, growth, terms
+from benchmarks import closed_loops, controller_step, growth, scaling, terms
 
 BENCHMARKS = {
     "terms": terms.measure,
     "controller_step": controller_step.measure,
     "closed_loops": closed_loops.measure,
+    "scaling": scaling.measure,
     "growth": growth.measure,
 }
 

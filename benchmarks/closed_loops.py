@@ -1,91 +1,131 @@
-"""Closed loops by backend: one robot, a thousand robots, and one step in real time, as ratios within one run."""
+"""Closed loops: this project against code by hand and other tools, one robot and a thousand, as ratios within one run.
 
-import time
-from collections.abc import Callable
-from functools import partial
+`python -m benchmarks.closed_loops` prints the tables and writes results/closed_loops.json; it can also put the tables
+into a Markdown page.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated
 
 import numpy as np
-from rich.console import Group
-from rich.table import Table
+import typer
+from rich.console import Console, Group
 
-import wmr_afl
-from wmr_afl.assembly import assemble
+from benchmarks import machine, tables, targets
+from benchmarks.contenders import ANY_LOOP, GENERATED, LITERAL, MANY_ROBOTS, ONE_ROBOT
+from benchmarks.contenders.work import Work, lasting
+from benchmarks.contest import Result, hold
+from benchmarks.first_run import first_runs
+from benchmarks.real_time import update_times
+from benchmarks.targets import Target
 from wmr_afl.experiment import read_experiment
-from wmr_afl.simulation import simulate
 
 ROBOTS = 1024
+SHORT = 7.0  # [s], 7001 samples of 1 ms
+OTHERS = (("track_tractor_3_trailers", "exact"), ("track_mecanum", "exact"), ("track_mecanum", "AFL"))
+STORED = Path(__file__).parent / "results" / "closed_loops.json"
+MARKS = "<!-- closed loops -->", "<!-- end of closed loops -->"
+HEADINGS = "contender", "robots timed", "time per robot and step [ns]", "times as fast", "deviation"
+TARGETS = "target", "promised", "measured", ""
+
+
+def contests() -> list[Result]:
+    """All contests, one after the other."""
+    random = np.random.default_rng(0)
+    single = Work(read_experiment("study_1")[1], "AFL")
+    results = hold(single, "one", ONE_ROBOT, LITERAL, seconds=3.0, turns=20)
+    results += hold(varied(single, random, "m_C"), "many", MANY_ROBOTS, LITERAL, seconds=2.0, turns=7)
+    for experiment, controller in OTHERS:
+        with TemporaryDirectory() as folder:
+            single = Work(lasting(experiment, SHORT, Path(folder)), controller)
+            results += hold(single, "one", ANY_LOOP, GENERATED, seconds=2.0, turns=10)
+            results += hold(varied(single, random), "many", ANY_LOOP, GENERATED, seconds=2.0, turns=5)
+    return results
+
+
+def varied(work: Work, random: np.random.Generator, *parameters: str) -> Work:
+    """Many robots that start up to 0.1 m beside, and whose `parameters` differ by up to a tenth."""
+    start = work.loop.states["x"][list(work.loop.model.state_units).index("x")] + random.uniform(-0.1, 0.1, ROBOTS)
+    own = dict(zip(work.loop.model.parameter_units, work.loop.values["p"], strict=True))
+    columns = {name: own[name] * random.uniform(0.9, 1.1, ROBOTS) for name in parameters}
+    return Work(work.file, work.controller, {"x": start}, columns)
+
+
+def judged(results: list[Result]) -> list[Target]:
+    """Every promise."""
+    return [
+        *targets.of_contests(results), *targets.of_updates(update_times()), *targets.of_first_runs(first_runs()),
+    ]  # fmt: skip
 
 
 def measure() -> Group:
-    """Two tables: whole loops, and the real-time controller."""
-    table = Table("experiment", "robots", "backend", "time per robot and step [ns]", "times as fast as the first")
-    for experiment, controller in (
-        ("study_1", "AFL"),
-        ("track_tractor_3_trailers", "exact"),
-        ("track_mecanum", "exact"),
-    ):
-        told, path = read_experiment(experiment)
-        loop = assemble(told, path)[controller]
-        duration = min(told.simulation.duration, 20.0)
-        steps = round(duration / told.simulation.sample_time) + 1
-        runs = {name: simulate(loop, duration, backend=name) for name in ("casadi", "compiled")}
-        agree(runs["casadi"].state, runs["compiled"].state)
-        times = {
-            f"{name}, tracing included": best(partial(simulate, loop, duration, backend=name)) / steps
-            for name in ("casadi", "compiled")
-        }
-        rows(table, experiment, 1, times)
-    experiment = "study_1"
-    random = np.random.default_rng(0)
-    start = {"x": 15.0 + 0.1 * random.uniform(-1.0, 1.0, ROBOTS)}
-    few = {"x": start["x"][:16]}
-    agree(*(wmr_afl.run_batch(experiment, start=few, backend=name).rms for name in ("casadi", "compiled")))
-    rows(
-        table,
-        experiment,
-        ROBOTS,
-        {
-            "casadi, one after the other": best(lambda: wmr_afl.run_batch(experiment, start=few, backend="casadi"), 1)
-            / (16 * 7001),
-            "compiled, in lockstep": best(lambda: wmr_afl.run_batch(experiment, start=start)) / (ROBOTS * 7001),
-        },
-    )
-    return Group(table, real_time())
+    """The tables for the terminal; the results are stored beside."""
+    results = contests()
+    promises = judged(results)
+    store(results, promises)
+    return in_terminal(results, promises)
 
 
-def rows(table: Table, experiment: str, robots: int, times: dict[str, float]) -> None:
-    """One row a backend."""
-    first = next(iter(times.values()))
-    for name, seconds in times.items():
-        table.add_row(experiment, str(robots), name, f"{1e9 * seconds:.3g}", f"{first / seconds:.1f}")
+def store(results: list[Result], promises: list[Target]) -> None:
+    """Machine, results and promises as JSON."""
+    content = {
+        "machine": machine.machine(),
+        "results": [asdict(result) for result in results],
+        "targets": [promise.as_dict() for promise in promises],
+    }
+    STORED.parent.mkdir(exist_ok=True)
+    STORED.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def real_time() -> Table:
-    """Quantiles of `controller.update` over many calls."""
-    controller, x = wmr_afl.Controller.from_experiment("study_1"), np.array([15.0, 25.0, 0.1, 0.2, 0.0])
-    spent = np.empty(100_000)
-    for k in range(len(spent)):
-        before = time.perf_counter()
-        controller.update(0.0, x)
-        spent[k] = time.perf_counter() - before
-        controller.reset()
-    table = Table("controller.update from Python", "[us]")
-    for name, share in (("median", 50.0), ("99th percentile", 99.0), ("99.9th percentile", 99.9)):
-        table.add_row(name, f"{1e6 * np.percentile(spent, share):.2f}")
-    return table
+def in_terminal(results: list[Result], promises: list[Target]) -> Group:
+    """For rich."""
+    contested = [tables.in_terminal(HEADINGS, rows, title) for title, rows in _grouped(results)]
+    return Group(*contested, tables.in_terminal(TARGETS, [promise.row() for promise in promises], "Targets"))
 
 
-def agree(first: np.ndarray, second: np.ndarray) -> None:
-    """Contenders must give the same before they are timed."""
-    assert np.max(np.abs(first - second)) <= 1e-9 * max(1.0, np.max(np.abs(first)))
+def in_markdown(results: list[Result], promises: list[Target]) -> str:
+    """For a page."""
+    parts = [f"Measured on {machine.told(machine.machine())}."]
+    parts += [f"{title}:\n\n{tables.in_markdown(HEADINGS, rows, left=1)}" for title, rows in _grouped(results)]
+    parts.append(tables.in_markdown(TARGETS, [promise.row() for promise in promises], left=1))
+    return "\n\n".join(parts)
 
 
-def best(call: Callable[[], object], turns: int = 3) -> float:
-    """Seconds of the best of a few turns, after one that is not counted."""
-    call()
-    times = []
-    for _ in range(turns):
-        before = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - before)
-    return min(times)
+def _grouped(results: list[Result]) -> Iterator[tuple[str, list[list[str]]]]:
+    """Title and rows of each contest."""
+    contested: dict[str, list[Result]] = {}
+    for result in results:
+        work = "one robot, every sample logged" if result.kind == "one" else f"{ROBOTS} robots, end and RMS error"
+        title = f"{result.experiment}, {result.controller}, {result.steps} steps, {work}; ratios to {result.reference}"
+        contested.setdefault(title, []).append(result)
+    for title, group in contested.items():
+        yield title, [_row(result) for result in group]
+
+
+def _row(result: Result) -> list[str]:
+    numbers = map(tables.three_digits, (result.nanoseconds, result.times_as_fast))
+    return [result.contender, str(result.robots), *numbers, f"{result.deviation:.0e}"]
+
+
+def main(
+    table: Annotated[
+        Path | None, typer.Option(exists=True, dir_okay=False, help="A Markdown page whose tables are replaced.")
+    ] = None,
+) -> None:
+    """Measure closed loops, print what was found, and store it."""
+    results = contests()
+    promises = judged(results)
+    store(results, promises)
+    Console(width=150, markup=False).print(in_terminal(results, promises))
+    if table is not None:
+        tables.replace_between(table, MARKS, in_markdown(results, promises))
+
+
+if __name__ == "__main__":
+    typer.run(main)

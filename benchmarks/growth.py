@@ -22,6 +22,7 @@ from matplotlib.ticker import MaxNLocator
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.tables import in_markdown, in_terminal, replace_between
 from derive.derivation import derive_robot
 from derive.printing.module import operation_count
 from derive.quantities import quantities
@@ -138,17 +139,14 @@ def measure(most: int = MOST, turns: int = 1) -> Table:
 
 def tabulate(found: list[Cost]) -> Table:
     """The costs as a table for the terminal."""
-    table = Table(*HEADINGS, title="A tractor with N trailers: what growth costs", title_justify="left")
+    table = in_terminal(HEADINGS, _rows(found), "A tractor with N trailers: what growth costs")
     table.caption, table.caption_justify = "\n".join(_elsewhere()), "left"
-    for row in _rows(found):
-        table.add_row(*row)
     return table
 
 
 def markdown(found: list[Cost]) -> str:
     """The costs as a table for a page."""
-    rows = [HEADINGS, ["--:"] * len(HEADINGS), *_rows(found)]
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    return in_markdown(HEADINGS, _rows(found))
 
 
 def _rows(found: list[Cost]) -> Iterator[list[str]]:
@@ -160,15 +158,6 @@ def _rows(found: list[Cost]) -> Iterator[list[str]]:
 def _elsewhere() -> list[str]:
     said = [f"{what}: {number} operations, growing {how}" for what, (number, how) in ELSEWHERE.items()]
     return [f"Measured elsewhere, at N = {COMPARED}:", *said]
-
-
-def replace_table(page: Path, table: str) -> None:
-    """Puts `table` between the two marks in a Markdown page."""
-    before, first, rest = page.read_text(encoding="utf-8").partition(MARKS[0])
-    _, last, after = rest.partition(MARKS[1])
-    if not (first and last):
-        raise ValueError(f"{page}: the marks {MARKS[0]} and {MARKS[1]} are missing")
-    page.write_text(f"{before}{first}\n\n{table}\n\n{last}{after}", encoding="utf-8")
 
 
 def draw(found: list[Cost]) -> Figure:
@@ -207,7 +196,7 @@ def main(
     found = costs(most, turns)
     Console(width=150, markup=False).print(tabulate(found))
     if table is not None:
-        replace_table(table, markdown(found))
+        replace_between(table, MARKS, markdown(found))
     if plot is not None:
         with styled():
             draw(found).savefig(plot, dpi=150, metadata={"Software": None})

@@ -7,6 +7,7 @@ result["AFL"].rms(since=100.0)
 """
 
 from wmr_afl.batch import BatchResult, run_batch
+from wmr_afl.campaigns import CampaignResult, campaign, replay
 from wmr_afl.errors import (
     BackendWarning,
     CompilerError,
@@ -28,6 +29,7 @@ from wmr_afl.simulation import SimulationWarning
 __all__ = [
     "BackendWarning",
     "BatchResult",
+    "CampaignResult",
     "CompilerError",
     "Controller",
     "Failure",
@@ -40,9 +42,11 @@ __all__ = [
     "SimulationWarning",
     "UnknownNameError",
     "WmrError",
+    "campaign",
     "list_experiments",
     "list_models",
     "load_model",
+    "replay",
     "run",
     "run_batch",
 ]

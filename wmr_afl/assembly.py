@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,12 +21,14 @@ from wmr_afl.controllers import (
     TrackingController,
 )
 from wmr_afl.effects import build_effects
-from wmr_afl.errors import InputError, UnknownNameError, WmrError
+from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.experiment import Experiment
 from wmr_afl.first_estimates import adaptation_gain, first_estimate, relative_bounds
+from wmr_afl.mistakes import mistakes_at
 from wmr_afl.model import Model, Vector, load_model
 from wmr_afl.naming import by_name
 from wmr_afl.plant import Plant
+from wmr_afl.plausibility import check_robots
 from wmr_afl.references import Reference
 from wmr_afl.schema.controllers import AdaptationTable, ControllerTable
 from wmr_afl.schema.motion import ReferenceTable
@@ -54,35 +55,12 @@ class _Assembly:
                 raise WmrError(f"model {self.model.name} has no outputs to track; derive it with [outputs]")
         with self.at("[parameters]"):
             self.parameters = self.model.parameters(**self.experiment.parameters)
-            self._check_parameters()
+            check_robots(self.model, self.experiment.start, self.parameters)
         self.reference = self._reference(self.experiment.reference)
 
-    def _check_parameters(self) -> None:
-        """Physical parameters that no robot can have must not end in a strange run."""
-        model, p = self.model, self.parameters
-        states = list(model.state_units)
-        start = np.array([self.experiment.start.get(name, 0.0) for name in states[: model.coordinate_count]])
-        with np.errstate(all="ignore"):
-            theta, inertia = model.base_parameters(p), model.inertia_matrix(start, p)
-        for (name, unit), value in zip(model.parameter_units.items(), p, strict=True):
-            if unit in ("kg", "kg m^2") and value < 0.0:
-                raise WmrError(f"{name} = {value:g} {unit} is negative; choose a mass or inertia that a robot can have")
-        given = ", ".join(f"{name} = {value:g}" for name, value in self.experiment.parameters.items()) or "the defaults"
-        if not np.all(np.isfinite(theta)):
-            raise WmrError(f"the base parameters are not finite with {given}; choose values that a robot can have")
-        if not np.all(np.isfinite(inertia)) or np.linalg.eigvalsh(inertia)[0] <= 0.0:
-            raise WmrError(f"the inertia matrix is not positive definite with {given}; choose positive masses")
-
-    @contextmanager
-    def at(self, place: str) -> Iterator[None]:
+    def at(self, place: str) -> AbstractContextManager[None]:
         """Errors inside are mistakes at `place` of the file."""
-        try:
-            yield
-        except InputError:
-            raise
-        except WmrError as error:
-            problem, _, remedy = str(error).partition("; ")
-            raise InputError(str(self.file), place, problem, remedy) from None
+        return mistakes_at(self.file, place)
 
     def loop(self, name: str) -> ClosedLoop:
         return ClosedLoop(

@@ -12,19 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 from wmr_afl.assembly import assemble
 from wmr_afl.block import Block
 from wmr_afl.closed_loop import ClosedLoop, Layout
-from wmr_afl.errors import ShapeError, UnknownNameError
+from wmr_afl.errors import UnknownNameError
 from wmr_afl.experiment import read_experiment
 from wmr_afl.lockstep import advance_blocks, watched_signals
 from wmr_afl.simulation import sample_times
 from wmr_afl.trajectories import recording
-from wmr_afl.variation import Variation, vary
+from wmr_afl.variation import Variation, nominal, vary
 
 Numbers = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class BatchResult:
-    """Summaries of N runs; a run that failed has infinite errors."""
+    """Summaries of N runs since some time; of a run that failed all but its end are infinite."""
 
     rms: Numbers  # (N, n-m), of the tracking error since `since`
     largest_error: Numbers  # (N, n-m)
@@ -51,11 +51,13 @@ def run_batch(
     backend: str = "auto",
     progress: Callable[[int], None] = lambda done: None,
     trajectories: str | Path | None = None,
+    scale: Mapping[str, ArrayLike] | None = None,
 ) -> BatchResult:
     """Runs one controller of an experiment (the first unless named) for many robots that differ in numbers.
 
     `parameters`, `start`: physical parameters and states by name, (N,) each; the controller knows the known constants
     of each robot, and exact or guessed estimates follow. `values`: gains of the loop by name (b1, Gamma ...), (N, ...);
+    `scale`: factors (N,) on parameters or gains by name;
     `seeds` (N,) of the measurement noise. Errors count since `since` [s]. `backend`: "compiled", "casadi", or "auto".
     `trajectories`: an HDF5 file that takes all samples of all runs, chunk by chunk, whatever their number.
     Raises: InputError, UnknownNameError; ShapeError, where the numbers of robots differ; WmrError.
@@ -65,7 +67,7 @@ def run_batch(
     name = next(iter(loops)) if controller is None else controller
     if name not in loops:
         raise UnknownNameError("controller", name, loops)
-    variation = vary(told, loops[name], name, parameters or {}, start or {}, values or {}, seeds)
+    variation = vary(told, loops[name], name, parameters or {}, start or {}, values or {}, seeds, scale)
     duration = told.simulation.duration
     if trajectories is None:
         return advance_all(loops[name], variation, duration, since, threads, backend, progress)
@@ -79,17 +81,7 @@ def rms_of_many(loops: Sequence[ClosedLoop], duration: float) -> Numbers:
 
     Raises: ShapeError, where the loops differ in more than numbers.
     """
-    first = loops[0]
-    states, values = Layout(first.states), Layout(first.values)
-    for loop in loops:
-        if Layout(loop.states).shapes != states.shapes or Layout(loop.values).shapes != values.shapes:
-            raise ShapeError("the loops differ in more than numbers; run them one by one")
-    variation = Variation(
-        np.array([states.pack(loop.states) for loop in loops]).T,
-        np.array([values.pack(loop.values) for loop in loops]).T,
-        np.array([loop.plant.noise.seed for loop in loops if loop.plant.noise], dtype=int),
-    )
-    return advance_all(first, variation, duration).rms
+    return advance_all(loops[0], nominal(loops), duration).rms
 
 
 def advance_all(
@@ -133,8 +125,8 @@ def summarize(blocks: Blocks, loop: ClosedLoop, duration: float, since: float) -
     return BatchResult(
         rms=np.where(lost[:, None], np.inf, np.sqrt(gathered(lambda block: block.squares) / counted)),
         largest_error=np.where(lost[:, None], np.inf, largest("e")),
-        largest_input=largest("u"),
-        largest_estimate=largest("theta_hat").max(axis=1, initial=0.0),
+        largest_input=np.where(lost[:, None], np.inf, largest("u")),
+        largest_estimate=np.where(lost, np.inf, largest("theta_hat").max(axis=1, initial=0.0)),
         final_state=gathered(lambda block: block.state[Layout(loop.states).places["x"]]),
         failure_time=np.where(lost, failed * loop.sample_time, np.nan),
     )

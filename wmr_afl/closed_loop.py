@@ -41,6 +41,10 @@ class Layout:
         """Named NumPy arrays -> flat vector (size,)."""
         return np.concatenate([np.zeros(0), *(np.ravel(values[name]) for name in self.shapes)])
 
+    def unpack(self, flat: Vector) -> dict[str, Vector]:
+        """Flat vector -> named NumPy arrays."""
+        return {name: flat[place].reshape(self.shapes[name]) for name, place in self.places.items()}
+
     def pack_symbols(self, values: Mapping[str, Any]) -> ca.SX:
         """Named columns -> flat column."""
         return ca.vertcat(*(values[name] for name in self.shapes))

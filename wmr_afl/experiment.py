@@ -9,6 +9,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from wmr_afl.errors import InputError, UnknownNameError
+from wmr_afl.schema.campaign import CampaignTable
 from wmr_afl.schema.controllers import ControllerTable
 from wmr_afl.schema.kinds import Number, Table
 from wmr_afl.schema.motion import ReferenceTable, SimulationTable
@@ -27,6 +28,7 @@ class Experiment(Table):
     reference: ReferenceTable
     simulation: SimulationTable
     uncertainties: UncertaintiesTable = UncertaintiesTable()
+    campaign: CampaignTable | None = None
     shared: ControllerTable = ControllerTable()
     controllers: Annotated[dict[str, ControllerTable], Field(min_length=1)]
 

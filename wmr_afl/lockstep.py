@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from wmr_afl.block import Block, Watched
 from wmr_afl.closed_loop import ClosedLoop
 from wmr_afl.errors import UnknownNameError
-from wmr_afl.kernels import KERNELS
+from wmr_afl.kernels import KERNELS, Kernel
 from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.simulation import sample_times, trace
 from wmr_afl.variation import Variation
@@ -46,7 +47,7 @@ def advance_blocks(
     """
     if backend not in KERNELS:
         raise UnknownNameError("backend of a batch", str(backend), KERNELS)
-    kernel = KERNELS[backend](trace(loop), watched_signals(loop), LANES, record is not None)
+    kernel = _kernel(loop, backend, record is not None)
     times = sample_times(loop, duration)
     counted_from = int(np.ceil(since / loop.sample_time - 1e-9))
     chunk = CHUNK if loop.plant.noise or record is not None else len(times)
@@ -54,7 +55,7 @@ def advance_blocks(
     def advance(robots: slice) -> tuple[slice, Block]:
         chosen = variation.block(robots, kernel.lanes)
         block, held = kernel.start(chosen.states), kernel.prepare(np.ascontiguousarray(chosen.values))
-        generators = [np.random.Generator(np.random.Philox(int(seed))) for seed in chosen.seeds]
+        generators = [chosen.generator(robot) for robot in range(len(chosen.seeds))]
         for samples in _chunks(len(times), counted_from, chunk):
             if samples.start == counted_from:
                 block.count_from_here()
@@ -72,6 +73,11 @@ def advance_blocks(
     else:
         with ThreadPoolExecutor(max_workers=threads) as pool:
             yield from pool.map(advance, places)
+
+
+@functools.lru_cache(maxsize=32)
+def _kernel(loop: ClosedLoop, backend: str, logged: bool) -> Kernel:
+    return KERNELS[backend](trace(loop), watched_signals(loop), LANES, logged)
 
 
 def _chunks(count: int, cut: int, size: int) -> Iterator[slice]:

@@ -89,6 +89,11 @@ def check_module(module: ModuleType, path: Path, metadata: dict[str, Any]) -> No
         raise InputError(str(path), "", f"has no {missing[0]}", "derive the robot again")
 
 
+def is_shipped(folder: Path) -> bool:
+    """Whether a model's folder comes with the package."""
+    return folder.resolve().parent == _shipped()
+
+
 def _shipped() -> Path:
     """The folder of the shipped models."""
     return Path(__file__).resolve().parents[1] / "generated"

@@ -17,7 +17,9 @@ from wmr_afl.errors import SimulationError, UnknownNameError
 from wmr_afl.kernels import KERNELS, Kernel
 from wmr_afl.language import Language
 from wmr_afl.linear_algebra import SINGULAR
+from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.run import Failure, Run
+from wmr_afl.variation import Variation, nominal
 
 CHUNK = 1000  # samples that CasADi runs between two looks at the result
 COMPILED_CHUNK = 100_000  # and that machine code runs
@@ -32,9 +34,14 @@ class SimulationWarning(UserWarning):
 
 
 def simulate(
-    loop: ClosedLoop, duration: float, name: str = "", backend: str = "auto", progress: Progress = lambda done: None
+    loop: ClosedLoop,
+    duration: float,
+    name: str = "",
+    backend: str = "auto",
+    progress: Progress = lambda done: None,
+    robot: Variation | None = None,
 ) -> Run:
-    """Runs `loop` for `duration` [s].
+    """Runs `loop` for `duration` [s], as it is or with the numbers of one `robot`.
 
     A singular Dhat or a state that is not finite ends the run: it keeps what was computed up to there, names time and
     cause in `failure`, and a SimulationWarning is given.
@@ -43,10 +50,11 @@ def simulate(
     if loop.sample_time > duration:
         raise SimulationError(f"a sample of {loop.sample_time:g} s is longer than the run of {duration:g} s")
     times, signals = sample_times(loop, duration), loop.signal_layout
-    noise = loop.plant.noise.samples(len(times)) if loop.plant.noise else None
+    robot = robot or nominal([loop])
+    noise = normal_samples(robot.generator(0), len(times), loop.signals["x"]) if loop.plant.noise else None
     blocks, done, failure = [], 0, None
     with np.errstate(all="ignore"):  # what is not finite is looked for below
-        for block in _stepper(backend)(loop, times, noise):
+        for block in _stepper(backend)(loop, robot, times, noise):
             blocks.append(block)
             failure = _failure(block, times[done:], signals)
             done = done + len(block) if failure is None else int(np.searchsorted(times, failure.time))
@@ -101,13 +109,14 @@ _CAUSES = {
 }
 
 
-Stepper = Callable[[ClosedLoop, Rows, Rows | None], Iterator[Rows]]
+Stepper = Callable[[ClosedLoop, Variation, Rows, Rows | None], Iterator[Rows]]
 
 
-def _numpy_steps(loop: ClosedLoop, times: Rows, noise: Rows | None) -> Iterator[Rows]:
+def _numpy_steps(loop: ClosedLoop, robot: Variation, times: Rows, noise: Rows | None) -> Iterator[Rows]:
     """One row of signals a step."""
     language = Language.of(loop.model, "numpy")
-    z, k = SimpleNamespace(**loop.states), SimpleNamespace(**loop.values)
+    z = SimpleNamespace(**Layout(loop.states).unpack(robot.states[:, 0]))
+    k = SimpleNamespace(**Layout(loop.values).unpack(robot.values[:, 0]))
     samples = np.zeros((len(times), loop.signals["x"])) if noise is None else noise
     for t, sample in zip(times, samples, strict=True):
         following, now = loop.step(t, z, k, sample, language)
@@ -136,10 +145,9 @@ def _steps_of(backend: str, chunk: int) -> Stepper:
     def kernel_of(loop: ClosedLoop) -> Kernel:
         return KERNELS[backend](trace(loop), Watched(loop.signal_layout.places["regularity"].start), 1, True)
 
-    def steps(loop: ClosedLoop, times: Rows, noise: Rows | None) -> Iterator[Rows]:
+    def steps(loop: ClosedLoop, robot: Variation, times: Rows, noise: Rows | None) -> Iterator[Rows]:
         kernel = kernel_of(loop)
-        z, k = Layout(loop.states).pack(loop.states), Layout(loop.values).pack(loop.values)
-        block, held = kernel.start(z[:, None]), kernel.prepare(k[:, None])
+        block, held = kernel.start(robot.states), kernel.prepare(robot.values)
         for start in range(0, len(times), chunk):
             part = slice(start, start + chunk)
             sample = None if noise is None else noise[part, :, None]
@@ -152,9 +160,9 @@ _casadi_steps = _steps_of("casadi", CHUNK)
 _compiled_if_possible_steps = _steps_of("auto", COMPILED_CHUNK)
 
 
-def _fastest_steps(loop: ClosedLoop, times: Rows, noise: Rows | None) -> Iterator[Rows]:
+def _fastest_steps(loop: ClosedLoop, robot: Variation, times: Rows, noise: Rows | None) -> Iterator[Rows]:
     """Machine code where a long run pays for its building, else CasADi's virtual machine."""
-    return (_compiled_if_possible_steps if len(times) >= WORTH_BUILDING else _casadi_steps)(loop, times, noise)
+    return (_compiled_if_possible_steps if len(times) >= WORTH_BUILDING else _casadi_steps)(loop, robot, times, noise)
 
 
 _STEPPERS: dict[str, Stepper] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -56,7 +57,8 @@ def recording(path: Path, loop: ClosedLoop, times: Numbers, count: int) -> Itera
             yield record
         os.replace(unfinished, path)
     except OSError as error:
-        told = error.strerror or str(error).splitlines()[0]
+        libraries_own = re.search(r"error message = '([^']*)'", str(error))  # HDF5 tells it among much else
+        told = libraries_own[1] if libraries_own else error.strerror or str(error).splitlines()[0]
         raise WmrError(f"{path}: cannot be written ({told}); name a writable place with room") from None
     finally:
         unfinished.unlink(missing_ok=True)

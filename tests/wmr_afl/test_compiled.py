@@ -324,6 +324,19 @@ def test_a_robot_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None
     assert batch.rms[1].max() < 1.0
 
 
+@pytest.mark.parametrize("backend", ["compiled", "casadi"])
+def test_a_robot_that_diverges_never_disturbs_its_neighbours(backend: str) -> None:
+    """Not by a bit, wherever it stands in the block."""
+    y = np.linspace(25.0, 25.5, 5)
+    calm = wmr_afl.run_batch("study_1", start={"y": y}, backend=backend)
+    assert not calm.failed.any()
+    for place in (0, 2, 5):
+        wild = wmr_afl.run_batch("study_1", start={"y": np.insert(y, place, 1e200)}, backend=backend)
+        assert wild.failed.tolist() == [index == place for index in range(6)]
+        for name in ("rms", "largest_error", "largest_input", "largest_estimate", "final_state"):
+            assert np.delete(getattr(wild, name), place, axis=0).tobytes() == getattr(calm, name).tobytes()
+
+
 @pytest.mark.parametrize(
     ("call", "kind", "words"),
     [
@@ -333,6 +346,10 @@ def test_a_robot_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None
         (lambda: wmr_afl.run_batch("study_1", parameters={"mass": [1.0]}), UnknownNameError, "m_C"),
         (lambda: wmr_afl.run_batch("study_1", values={"gain": [1.0]}), UnknownNameError, "Gamma"),
         (lambda: wmr_afl.run_batch("study_1", values={"Gamma": [[1.0, 2.0]]}), ShapeError, "Gamma"),
+        (lambda: wmr_afl.run_batch("study_1", values={"b1": [math.nan]}), ShapeError, "no number"),
+        (lambda: wmr_afl.run_batch("study_1", start={"x": [math.nan]}), ShapeError, "no number"),
+        (lambda: wmr_afl.run_batch("study_1", parameters={"m_C": [1.0, -2.0]}), WmrError, "m_C = -2 kg is negative"),
+        (lambda: wmr_afl.run_batch("study_1", scale={"mass": [1.0]}), UnknownNameError, "m_C"),
         (lambda: wmr_afl.run_batch("study_1", "PID", start={"x": [1.0]}), UnknownNameError, "AFL"),
         (lambda: wmr_afl.run_batch("study_1", start={"x": [1.0]}, backend="numpy"), UnknownNameError, "compiled"),
     ],

@@ -5,6 +5,7 @@
 #define ALWAYS_INLINE static inline __attribute__((always_inline))
 
 #define LARGEST_ANGLE 1.0e8 /* beyond, libm takes over */
+ALWAYS_INLINE int is_far(double x) { return fabs(x) > LARGEST_ANGLE && fabs(x) < INFINITY; }
 
 /* One instruction each: the larger or smaller of both, b where either is no number. */
 ALWAYS_INLINE double larger_or(double a, double b) { return a > b ? a : b; }

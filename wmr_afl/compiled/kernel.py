@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wmr_afl.block import Block, Watched
 from wmr_afl.compiled.build import library
-from wmr_afl.compiled.printer import Argument, Depends, print_step
+from wmr_afl.compiled.printer import Argument, Depends, Program, print_step
 from wmr_afl.errors import ShapeError
 from wmr_afl.linear_algebra import SINGULAR
 
@@ -67,14 +67,7 @@ class Kernel:
 
 def kernel_text(step: ca.Function, watched: Watched, lanes: int, logged: bool) -> tuple[str, int, bool]:
     """The kernel's C text, the same for the same step; how many numbers it holds a robot; whether it reads noise."""
-    lane = f"[{{i}} * {lanes} + l]"
-    arguments = (
-        Argument(f"kept{lane}", Depends.BOTH),
-        Argument("t", Depends.TIME),
-        Argument(f"noise{lane}", Depends.BOTH),
-        Argument(f"k{lane}", Depends.ROBOT),
-    )
-    program = print_step(step, arguments)
+    program = print_loop(step, lanes)
     reads_noise = _NOISE in program.reads
     text = _ENVIRONMENT.get_template("kernel.c.jinja").render(
         lanes=lanes,
@@ -90,6 +83,18 @@ def kernel_text(step: ca.Function, watched: Watched, lanes: int, logged: bool) -
         logged=logged,
     )
     return text, len(program.held), reads_noise
+
+
+def print_loop(step: ca.Function, lanes: int) -> Program:
+    """The step's lines of C, its arguments as the kernel's arrays."""
+    lane = f"[{{i}} * {lanes} + l]"
+    arguments = (
+        Argument(f"kept{lane}", Depends.BOTH),
+        Argument("t", Depends.TIME),
+        Argument(f"noise{lane}", Depends.BOTH),
+        Argument(f"k{lane}", Depends.ROBOT),
+    )
+    return print_step(step, arguments)
 
 
 @functools.lru_cache(maxsize=256)

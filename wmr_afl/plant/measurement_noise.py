@@ -25,10 +25,6 @@ class MeasurementNoise:
     def values(self) -> dict[str, Vector]:
         return {"noise_deviation": self.deviation}
 
-    def samples(self, count: int) -> Vector:
-        """Standard normal samples, (count, 2n-m), the same for the same seed."""
-        return normal_samples(np.random.Generator(np.random.Philox(self.seed)), count, len(self.deviation))
-
     def measured(self, x: Array, sample: Array, k: SimpleNamespace) -> Array:
         """The state that the controller sees."""
         return x + k.noise_deviation * sample

@@ -1,0 +1,109 @@
+"""Campaigns on a Dask cluster of real processes: the same numbers, also where workers die."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wmr_afl
+from tests.conftest import ROOT
+from tests.wmr_afl.test_campaigns import STUDY_1, same
+from wmr_afl import WmrError
+from wmr_afl.campaigns import workers
+from wmr_afl.campaigns.draws import BLOCK
+
+pytest.importorskip("distributed")
+pytestmark = pytest.mark.filterwarnings("ignore")  # of the library's own, on its threads and sockets
+
+
+class Cluster:
+    """A scheduler and workers, each a process of its own, on loopback."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.file, self.workers = folder, folder / "scheduler.json", []
+        self.scheduler = self.process("dask_scheduler", "--port", "0", "--host", "127.0.0.1")
+        end = time.monotonic() + 60.0
+        while not self.file.exists():
+            assert time.monotonic() < end
+            time.sleep(0.05)
+        self.address = __import__("json").loads(self.file.read_text())["address"]
+
+    def process(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-m", f"distributed.cli.{name}", "--scheduler-file", str(self.file), "--no-dashboard",
+             *arguments],
+            cwd=self.folder, env={**os.environ, "PYTHONPATH": str(ROOT)},
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+
+    def add_worker(self) -> None:
+        self.workers.append(self.process("dask_worker", "--no-nanny", "--nthreads", "1", "--memory-limit", "0"))
+
+    def stop(self) -> None:
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def cluster(tmp_path: Path) -> Iterator[Cluster]:
+    made = Cluster(tmp_path)
+    for _ in range(2):
+        made.add_worker()
+    yield made
+    made.stop()
+
+
+def test_a_cluster_gives_the_same_numbers_also_where_a_worker_dies(cluster: Cluster, tmp_path: Path) -> None:
+    runs, done = 60 * BLOCK, []
+
+    def kill_one(count: int) -> None:
+        done.append(count)
+        if len(done) == 5:
+            cluster.workers[0].send_signal(signal.SIGKILL)
+
+    result = wmr_afl.campaign("study_1", runs, tmp_path / "out", scheduler=cluster.address, progress=kill_one)
+    assert cluster.workers[0].wait(10) == -signal.SIGKILL
+    assert len(done) == 60  # every block once
+    same(result, wmr_afl.campaign("study_1", runs))
+    same(wmr_afl.campaign("study_1", runs, tmp_path / "out"), result)  # all of it is kept
+
+
+def test_a_robot_of_a_users_own_travels_to_the_workers(cluster: Cluster, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    for file in (ROOT / "generated" / "type_2_0").glob("*model.*"):
+        (tmp_path / "mine" / file.name).write_text(file.read_text())
+    text = STUDY_1.replace('robot = "type_2_0"', 'robot = "mine"').replace("duration = 140.0", "duration = 101.0")
+    (tmp_path / "own.toml").write_text(text)
+    there = wmr_afl.campaign(tmp_path / "own.toml", 1500, scheduler=cluster.address)
+    same(there, wmr_afl.campaign(tmp_path / "own.toml", 1500))
+
+
+def test_a_scheduler_that_is_lost_is_told_and_finished_blocks_are_kept(cluster: Cluster, tmp_path: Path) -> None:
+    done = []
+
+    def kill_scheduler(count: int) -> None:
+        done.append(count)
+        if len(done) == 3:
+            cluster.scheduler.kill()
+
+    with pytest.raises(WmrError, match=r"was lost .*; finished blocks are kept") as told:
+        wmr_afl.campaign("study_1", 200 * BLOCK, tmp_path / "out", scheduler=cluster.address, progress=kill_scheduler)
+    assert "\n" not in str(told.value)
+    assert len(list((tmp_path / "out").glob("block_*.npz"))) >= 3
+    whole = wmr_afl.campaign("study_1", 5 * BLOCK, tmp_path / "out")
+    np.testing.assert_array_equal(whole.runs.rms, wmr_afl.campaign("study_1", 5 * BLOCK).runs.rms)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "tcp://", "http://127.0.0.1:80"])
+def test_a_scheduler_that_cannot_be_reached_is_told_in_one_line(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "ANSWER", 2.0)
+    with pytest.raises(WmrError, match=f"no scheduler answers at {address}") as told:
+        wmr_afl.campaign("study_1", 10, scheduler=address)
+    assert "\n" not in str(told.value)

@@ -1,0 +1,86 @@
+"""Trajectories of a batch on disk: all samples of all runs, in memory only a few."""
+
+import resource
+import subprocess
+import sys
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wmr_afl
+from tests.conftest import ROOT
+from wmr_afl import WmrError
+
+h5py = pytest.importorskip("h5py")
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("backend", ["auto", "casadi"])
+def test_the_file_holds_what_single_runs_give(tmp_path: Path, threads: int, backend: str) -> None:
+    scale = {"m_C": np.linspace(0.9, 1.1, 40 if backend == "auto" else 3)}
+    batch = wmr_afl.run_batch(
+        "study_1", scale=scale, threads=threads, backend=backend, trajectories=tmp_path / "runs.h5"
+    )
+    plain = wmr_afl.run_batch("study_1", scale=scale, backend=backend)
+    np.testing.assert_allclose(batch.rms, plain.rms, rtol=1e-9)
+    with h5py.File(tmp_path / "runs.h5") as file:
+        assert file.attrs["model"] == "type_2_0"
+        assert list(file["state"].attrs["names"]) == ["x [m]", "y [m]", "phi [rad]", "v [m/s]", "omega [rad/s]"]
+        assert file["state"].shape == (len(scale["m_C"]), 7001, 5)
+        errors = file["error"][:]
+        np.testing.assert_allclose(np.sqrt(np.mean(errors**2, axis=1)), batch.rms, rtol=1e-9)
+        nominal = wmr_afl.run("study_1", controllers="AFL")["AFL"]
+        middle = wmr_afl.run_batch("study_1", scale={"m_C": [1.0]}, trajectories=tmp_path / "one.h5")
+        with h5py.File(tmp_path / "one.h5") as one:
+            for name in ("time", "state", "input", "error", "estimate"):
+                there = one[name][:] if name == "time" else one[name][0]
+                np.testing.assert_allclose(there, getattr(nominal, name), rtol=1e-9, atol=1e-9)
+        assert middle.rms.shape == (1, 2)
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_memory_does_not_grow_with_the_number_of_runs(tmp_path: Path) -> None:
+    def peak(robots: int) -> int:
+        tracemalloc.start()
+        wmr_afl.run_batch("study_1", scale={"m_C": np.linspace(0.9, 1.1, robots)}, trajectories=tmp_path / "runs.h5")
+        found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found
+
+    few, many = peak(32), peak(256)
+    assert many < few + 2_000_000  # bytes; the samples of 256 runs are 200 MB
+    assert (tmp_path / "runs.h5").stat().st_size > 200_000_000
+
+
+SCRIPT = """
+import resource, sys, wmr_afl
+resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
+try:
+    wmr_afl.run_batch("study_1", scale={"m_C": [1.0] * 40}, trajectories=sys.argv[1], backend="casadi")
+except wmr_afl.WmrError as error:
+    print(error)
+"""
+
+
+def test_a_full_disk_leaves_no_half_written_file(tmp_path: Path) -> None:
+    """The limit on the size of a file stands for the room that there is."""
+    assert resource.RLIMIT_FSIZE
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(tmp_path / "runs.h5")], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    assert "runs.h5: cannot be written" in done.stdout
+    assert len(done.stdout.splitlines()) == 1, done.stdout
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_place_that_cannot_be_written_is_told_before_the_work(tmp_path: Path) -> None:
+    with pytest.raises(WmrError, match=r"runs.h5: cannot be written"):
+        wmr_afl.run_batch("study_1", scale={"m_C": [1.0]}, trajectories=tmp_path / "nowhere" / "runs.h5")
+
+
+def test_without_h5py_one_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(WmrError, match=r"wmr-afl\[trajectories\]"):
+        wmr_afl.run_batch("study_1", scale={"m_C": [1.0]}, trajectories=tmp_path / "runs.h5")

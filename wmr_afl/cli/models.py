@@ -1,0 +1,86 @@
+"""Verbs about models: what there is, what was found out, deriving, checking."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from derive.__main__ import derive
+from wmr_afl.cli.terminal import app, console, reporting
+from wmr_afl.errors import UnknownNameError
+from wmr_afl.experiment import list_experiments
+from wmr_afl.model import load_model
+from wmr_afl.model_files import list_models
+
+
+@app.command()
+def models() -> None:
+    """List the shipped models."""
+    table = Table("model", "what it is", "type", "base parameters", "outputs", box=None, header_style="bold")
+    for name in list_models():
+        model = load_model(name)
+        count = f"{len(model.base_parameter_units)}, {model.parametrization}"
+        table.add_row(name, escape(model.title), model.findings["type"], count, ", ".join(model.output_units))
+    console.print(table)
+    console.print(f"experiments: {', '.join(list_experiments())}", highlight=False)
+
+
+@app.command()
+def show(
+    name: Annotated[
+        str, typer.Argument(help="A shipped model, or a folder that derive has written; with --loop an experiment.")
+    ],
+    loop: Annotated[
+        bool, typer.Option("--loop", help="Tell what one step of an experiment's closed loop does.")
+    ] = False,
+    controller: Annotated[str | None, typer.Option(help="Whose loop; the first one's where none is named.")] = None,
+    code: Annotated[bool, typer.Option("--code", help="Print the step's C text instead.")] = False,
+) -> None:
+    """Tell what was found out about a robot, or what a closed loop computes."""
+    with reporting():
+        if loop or code or controller is not None:
+            from wmr_afl.assembly import assemble
+            from wmr_afl.experiment import read_experiment
+            from wmr_afl.show_loop import describe_loop, loop_text
+
+            loops = assemble(*read_experiment(name))
+            chosen = next(iter(loops)) if controller is None else controller
+            if chosen not in loops:
+                raise UnknownNameError("controller", chosen, loops)
+            if code:
+                typer.echo(loop_text(loops[chosen]))
+                return
+            for part in describe_loop(loops[chosen], chosen):
+                console.print(part, highlight=False)
+            return
+        from wmr_afl.show import describe
+
+        for part in describe(load_model(name)):
+            console.print(part, highlight=False)
+
+
+app.command()(derive)
+
+
+@app.command()
+def check(model: Annotated[str, typer.Argument(help="A shipped model, or a folder that derive has written.")]) -> None:
+    """Check that a model obeys every law: mechanics, linearization, base parameters, code; exit with 1 where not."""
+    from wmr_afl.laws import LAWS, Situation
+
+    with reporting():
+        situation = Situation(model)
+        deviations = {law: law.deviation(situation) for law in LAWS if law.applies(situation.numpy)}
+    table = Table("law", "what must hold", "deviation", "at most", "verdict", box=None, header_style="bold")
+    obeyed = True
+    for law, deviation in deviations.items():
+        holds = deviation <= law.tolerance  # also where the deviation is not a number
+        table.add_row(
+            law.name, escape(law.statement), f"{deviation:.1e}", f"{law.tolerance:g}", "holds" if holds else "BROKEN"
+        )
+        obeyed = obeyed and holds
+    console.print(table)
+    if not obeyed:
+        raise typer.Exit(1)

@@ -1,0 +1,63 @@
+"""The verb that draws the paper's figures and writes its report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from wmr_afl.cli.running import print_metrics, run_with_progress
+from wmr_afl.cli.terminal import Backend, Out, app, console, errors, reporting, say
+from wmr_afl.errors import UnknownNameError
+from wmr_afl.run import Run
+
+
+@app.command()
+def reproduce(
+    figures: Annotated[list[str] | None, typer.Argument(help="Figures of the paper; all where none is named.")] = None,
+    out: Out = Path("results"),
+    backend: Backend = "auto",
+) -> None:
+    """Draw the paper's figures; without names all of them, and report.html with its claims beside what was measured."""
+    from wmr_afl import plots
+    from wmr_afl.beyond import beyond
+    from wmr_afl.claims import CLAIMS
+    from wmr_afl.experiment import read_experiment
+    from wmr_afl.figures import FIGURES, draw
+    from wmr_afl.report import write_report
+    from wmr_afl.results import check_writable, write_results
+
+    with reporting():
+        wanted = figures or list(FIGURES)
+        for name in wanted:
+            if name not in FIGURES:
+                raise UnknownNameError("figure", name, FIGURES)
+        check_writable(out)
+        studies, pictures = {}, {}
+        claimed = [] if figures else [claim.experiment for claim in CLAIMS]
+        for experiment in dict.fromkeys([*(FIGURES[name].experiment for name in wanted), *claimed]):
+            runs = studies[experiment] = run_with_progress(experiment, backend, None)
+            write_results(runs, out / experiment)
+            print_metrics(read_experiment(experiment)[0].title, runs)
+            for name in wanted:
+                if FIGURES[name].experiment == experiment:
+                    png, svg = plots.save(draw(name, runs), out / name)
+                    pictures[name] = png
+                    say(f"{name}: {png}, {svg}")
+        if not figures:
+            with errors.status("beyond the paper"):
+                rows = list(beyond("study_2"))
+            say(f"report: {write_report(studies, pictures, rows, out / 'report.html')}")
+            _print_verdicts(studies)
+
+
+def _print_verdicts(studies: dict[str, dict[str, Run]]) -> None:
+    from wmr_afl.claims import CLAIMS
+
+    table = Table("study", "the paper's claim", "measured", "verdict")
+    for claim in CLAIMS:
+        verdict = claim.judge(studies[claim.experiment])
+        table.add_row(claim.experiment, verdict.claim, verdict.measured, "met" if verdict.is_met else "not met")
+    console.print(table)

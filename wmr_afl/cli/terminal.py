@@ -1,0 +1,81 @@
+"""What every verb of the command line shares: the application, how errors end, where lines go."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from wmr_afl.errors import BackendWarning, WmrError
+
+app = typer.Typer(
+    name="wmr-afl",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+console = Console()
+errors = Console(stderr=True)
+
+Experiment = Annotated[str, typer.Argument(help="A shipped experiment, or a TOML file.")]
+Out = Annotated[Path, typer.Option(help="Folder for the results.")]
+Backend = Annotated[
+    str,
+    typer.Option(
+        help="numpy: step by step; casadi: traced; compiled: traced and built by a C compiler; auto: the faster one."
+    ),
+]
+
+
+@contextmanager
+def reporting() -> Iterator[None]:
+    """Errors end in one line each and exit status 2; warnings are one line each and go on."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # failures of runs stand in tables
+        warnings.simplefilter("always", BackendWarning)
+        warnings.showwarning = lambda message, *_: typer.echo(f"warning: {message}", err=True)
+        try:
+            yield
+        except WmrError as error:
+            for line in str(error).splitlines():
+                typer.echo(f"error: {line}", err=True)
+            raise typer.Exit(2) from None
+
+
+def say(text: str) -> None:
+    """A line as it is."""
+    console.print(escape(text), highlight=False)
+
+
+def progress_bar() -> Progress:
+    """How far, and how long it will take still."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"wmr-afl {version('wmr-afl')}")
+        raise typer.Exit
+
+
+@app.callback()
+def main(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Tell the version.")
+    ] = False,
+) -> None:
+    """Adaptive feedback linearizing control of wheeled mobile robots: look at models, derive new ones, simulate."""

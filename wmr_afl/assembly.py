@@ -25,7 +25,8 @@ from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.experiment import Experiment
 from wmr_afl.first_estimates import adaptation_gain, first_estimate, relative_bounds
 from wmr_afl.mistakes import mistakes_at
-from wmr_afl.model import Model, Vector, load_model
+from wmr_afl.model import Vector, load_model
+from wmr_afl.model_files import model_folder
 from wmr_afl.naming import by_name
 from wmr_afl.plant import Plant
 from wmr_afl.plausibility import check_robots
@@ -43,6 +44,16 @@ def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:
     return {name: assembly.loop(name) for name in experiment.controllers}
 
 
+def model_of(experiment: Experiment, file: Path) -> Path:
+    """The folder of an experiment's model: one beside its file, one by its path, or a shipped one by its name.
+
+    Raises: InputError, where there is none.
+    """
+    beside = file.parent / experiment.robot
+    with mistakes_at(file, "robot"):
+        return beside if (beside / "model.json").is_file() else model_folder(experiment.robot)
+
+
 @dataclass
 class _Assembly:
     experiment: Experiment
@@ -50,7 +61,7 @@ class _Assembly:
 
     def __post_init__(self) -> None:
         with self.at("robot"):
-            self.model = self._model(self.experiment.robot)
+            self.model = load_model(model_of(self.experiment, self.file))
             if not self.model.output_units:
                 raise WmrError(f"model {self.model.name} has no outputs to track; derive it with [outputs]")
         with self.at("[parameters]"):
@@ -70,10 +81,6 @@ class _Assembly:
             self.reference,
             self.experiment.simulation.sample_time,
         )
-
-    def _model(self, name: str) -> Model:
-        beside = self.file.parent / name
-        return load_model(beside if (beside / "model.json").is_file() else name)
 
     def _plant(self) -> Plant:
         effects = build_effects(self.experiment, self.model, self.at)

@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wmr_afl.assembly import assemble
 from wmr_afl.block import Block
 from wmr_afl.closed_loop import ClosedLoop, Layout
-from wmr_afl.errors import UnknownNameError
-from wmr_afl.experiment import read_experiment
-from wmr_afl.lockstep import advance_blocks, watched_signals
+from wmr_afl.loading import load_experiment
+from wmr_afl.lockstep import advance_blocks
 from wmr_afl.simulation import sample_times
 from wmr_afl.trajectories import recording
 from wmr_afl.variation import Variation, nominal, vary
@@ -62,18 +60,15 @@ def run_batch(
     `trajectories`: an HDF5 file that takes all samples of all runs, chunk by chunk, whatever their number.
     Raises: InputError, UnknownNameError; ShapeError, where the numbers of robots differ; WmrError.
     """
-    told, path = read_experiment(experiment)
-    loops = assemble(told, path)
-    name = next(iter(loops)) if controller is None else controller
-    if name not in loops:
-        raise UnknownNameError("controller", name, loops)
-    variation = vary(told, loops[name], name, parameters or {}, start or {}, values or {}, seeds, scale)
-    duration = told.simulation.duration
+    loaded = load_experiment(experiment)
+    name, duration = loaded.name(controller), loaded.told.simulation.duration
+    loop = loaded.loops[name]
+    variation = vary(loaded.told, loop, name, parameters or {}, start or {}, values or {}, seeds, scale)
     if trajectories is None:
-        return advance_all(loops[name], variation, duration, since, threads, backend, progress)
-    with recording(Path(trajectories), loops[name], sample_times(loops[name], duration), variation.count) as record:
-        blocks = advance_blocks(loops[name], variation, duration, since, threads, backend, record)
-        return summarize(_telling(blocks, progress), loops[name], duration, since)
+        return advance_all(loop, variation, duration, since, threads, backend, progress)
+    with recording(Path(trajectories), loop, sample_times(loop, duration), variation.count) as record:
+        blocks = advance_blocks(loop, variation, duration, since, threads, backend, record)
+        return summarize(_telling(blocks, progress), loop, duration, since)
 
 
 def rms_of_many(loops: Sequence[ClosedLoop], duration: float) -> Numbers:
@@ -110,23 +105,21 @@ def _telling(blocks: Blocks, progress: Callable[[int], None]) -> Blocks:
 def summarize(blocks: Blocks, loop: ClosedLoop, duration: float, since: float) -> BatchResult:
     """Blocks that have come to their end, as one result."""
     kept = [(robots.stop - robots.start, block) for robots, block in blocks]
-    watched, places = watched_signals(loop), loop.signal_layout.places
+    outputs, inputs = loop.signals["e"], loop.signals["u"]  # as `watched_signals` orders them
     counted = int(np.count_nonzero(sample_times(loop, duration) >= since - 1e-9 * loop.sample_time))
 
     def gathered(rows: Callable[[Block], Numbers]) -> Numbers:
         return np.concatenate([rows(block)[..., :count].T for count, block in kept])
 
-    def largest(signal: str) -> Numbers:
-        rows = [watched.sized.index(place) for place in range(places[signal].start, places[signal].stop)]
-        return gathered(lambda block: block.largest[rows])
+    largest = gathered(lambda block: block.largest)
 
     failed = gathered(lambda block: block.failed)
     lost = failed >= 0
     return BatchResult(
         rms=np.where(lost[:, None], np.inf, np.sqrt(gathered(lambda block: block.squares) / counted)),
-        largest_error=np.where(lost[:, None], np.inf, largest("e")),
-        largest_input=np.where(lost[:, None], np.inf, largest("u")),
-        largest_estimate=np.where(lost, np.inf, largest("theta_hat").max(axis=1, initial=0.0)),
+        largest_error=np.where(lost[:, None], np.inf, largest[:, :outputs]),
+        largest_input=np.where(lost[:, None], np.inf, largest[:, outputs : outputs + inputs]),
+        largest_estimate=np.where(lost, np.inf, largest[:, -1]),
         final_state=gathered(lambda block: block.state[Layout(loop.states).places["x"]]),
         failure_time=np.where(lost, failed * loop.sample_time, np.nan),
     )

@@ -14,13 +14,24 @@ Numbers = NDArray[np.float64]
 class Watched:
     """Entries of the signals that are summarized while a loop runs."""
 
-    regularity: int  # whose fall below SINGULAR is a failure
+    regularity: int  # a failure where it is not positive
     squared: tuple[int, ...] = ()  # whose squares are summed
-    sized: tuple[int, ...] = ()  # whose largest size is kept
+    sized: tuple[tuple[int, ...], ...] = ()  # groups of which the largest size is kept
 
     @property
     def rows(self) -> int:
         return len(self.squared) + len(self.sized) + 1
+
+
+CACHE_LINE = 64  # bytes; a vector that straddles two costs two accesses
+
+
+def aligned(shape: tuple[int, ...]) -> Numbers:
+    """Zeros that begin a cache line."""
+    size = int(np.prod(shape))
+    room = np.zeros(size + CACHE_LINE // 8)
+    first = -room.ctypes.data % CACHE_LINE // 8
+    return room[first : first + size].reshape(shape)
 
 
 class Block:
@@ -29,7 +40,7 @@ class Block:
     def __init__(self, state: Numbers, watched: Watched) -> None:
         a = len(state)
         b, c = a + len(watched.squared), a + len(watched.squared) + len(watched.sized)
-        self.rows = np.zeros((a + watched.rows, state.shape[1]))
+        self.rows = aligned((a + watched.rows, state.shape[1]))
         self.state, self.squares, self.largest = self.rows[:a], self.rows[a:b], self.rows[b:c]
         self.failed = self.rows[-1]  # first sample that was singular or not finite, -1 where none was
         self.state[:], self.failed[:] = state, -1.0

@@ -2,62 +2,82 @@
 
 from __future__ import annotations
 
+import functools
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.block import Block, Watched
 from wmr_afl.bound_function import bind
-from wmr_afl.linear_algebra import SINGULAR
 
 Numbers = NDArray[np.float64]
 
 
 class InterpretedKernel:
-    """`step` (state, t, sample, values) -> (next, signals), called like a `compiled.kernel.Kernel`."""
+    """`step` (state, t, sample, values) -> (next, signals), called like a `compiled.kernel.Kernel`, robot by robot."""
+
+    lanes = 1
 
     def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
-        self.lanes, self.watched = lanes, watched
-        self._step, self._logged = step, logged
+        self.watched, self._logged = watched, logged
+        self._counting = counting(step, watched, logged)
+        self._folded = functools.lru_cache(maxsize=4)(self._counting.fold)  # by number of steps: making one is slow
 
     def start(self, state: Numbers) -> Block:
-        """At the start, state (states, lanes)."""
+        """At the start, state (states, 1)."""
         return Block(np.asarray(state, dtype=float), self.watched)
 
     def prepare(self, values: Numbers) -> Numbers:
-        """The values (values, lanes) as they are."""
+        """The values (values, 1) as they are."""
         return values
 
     def advance(self, block: Block, times: Numbers, noise: Numbers | None, held: Numbers) -> Numbers:
-        """Advances `block` by all `times` (T,); gives the signals (T, signals, lanes) where they are logged."""
-        watched, squared, sized = self.watched, list(self.watched.squared), list(self.watched.sized)
-        logged = np.empty((len(times), self._step.size1_out(1) if self._logged else 0, self.lanes))
-        for lane in range(self.lanes):
-            sample = None if noise is None else noise[:, :, lane]
-            block.state[:, lane], rows = self._steps(block.state[:, lane], times, sample, held[:, lane])
-            bad = np.flatnonzero(~(rows[:, watched.regularity] >= SINGULAR))
-            if len(bad) and block.failed[lane] < 0:
-                block.failed[lane] = block.samples + bad[0]
-            with np.errstate(over="ignore", invalid="ignore"):  # of runs that are lost already
-                block.squares[:, lane] += np.sum(rows[:, squared] ** 2, axis=0)
-                sizes = np.fmax.reduce(np.abs(rows[:, sized]), axis=0, initial=0.0)
-            block.largest[:, lane] = np.fmax(block.largest[:, lane], sizes)
-            if self._logged:
-                logged[:, :, lane] = rows
+        """Advances `block` by all `times` (T,); gives the signals (T, signals, 1) where they are logged."""
+        samples = np.zeros((len(times), 0)) if noise is None else noise[:, :, 0]
+        inputs = np.column_stack([times, block.samples + np.arange(len(times), dtype=float), samples])
+        given = np.concatenate([block.rows, held])[:, 0]
+        if self._logged:
+            given, signals = self._log(given, inputs)
+        else:
+            given, signals = self._folded(len(times))(given, inputs.T).full()[:, 0], np.empty((len(times), 0))
+        block.rows[:, 0] = given[: len(block.rows)]
         block.samples += len(times)
-        return logged
+        return signals[:, :, None]
 
-    def _steps(self, state: Numbers, times: Numbers, noise: Numbers | None, values: Numbers) -> tuple[Numbers, Numbers]:
-        """The state after all `times`, and the signals (T, signals); no array is made on the way."""
-        now, t, sample, k = state.copy(), np.zeros(1), np.zeros(self._step.size1_in(2)), values.copy()
-        following, signals = np.zeros_like(now), np.zeros(self._step.size1_out(1))
-        run = bind(self._step, (now, t, sample, k), (following, signals))
-        rows = np.empty((len(times), len(signals)))
-        for i in range(len(times)):
-            t[0] = times[i]
-            if noise is not None:
-                sample[:] = noise[i]
+    def _log(self, given: Numbers, inputs: Numbers) -> tuple[Numbers, Numbers]:
+        """What comes of `given` after all `inputs`, and the signals (T, signals); no array is made on the way."""
+        now, following = given.copy(), given.copy()
+        given_now, signals = np.zeros(self._counting.size1_in(1)), np.zeros(self._counting.size1_out(1))
+        run = bind(self._counting, (now, given_now), (following, signals))
+        rows = np.empty((len(inputs), len(signals)))
+        for i in range(len(inputs)):
+            given_now[:] = inputs[i]
             run()
             now[:] = following
             rows[i] = signals
         return now, rows
+
+
+def counting(step: ca.Function, watched: Watched, logged: bool) -> ca.Function:
+    """([rows of a Block; values], [t; number of the sample; sample]) -> the same one step later, and signals if logged.
+
+    The values go on from step to step with the state, which CasADi maps faster than repeating them.
+    """
+    states, noisy = step.size1_in(0), any(step.jac_sparsity(result, 2).nnz() for result in range(2))
+    kept, values = ca.SX.sym("kept", states + watched.rows), ca.SX.sym("values", step.size1_in(3))
+    t, number = ca.SX.sym("t"), ca.SX.sym("number")
+    sample = ca.SX.sym("sample", step.size1_in(2) if noisy else 0)
+    following, signals = step(kept[:states], t, sample if noisy else ca.SX.zeros(step.size1_in(2)), values)
+    squares = [kept[states + i] + signals[place] ** 2 for i, place in enumerate(watched.squared)]
+    largest = []
+    for i, group in enumerate(watched.sized):
+        size = kept[states + len(squares) + i]
+        for place in group:
+            size = ca.if_else(ca.fabs(signals[place]) > size, ca.fabs(signals[place]), size)  # what is no number never
+        largest.append(size)
+    failing = ca.if_else(kept[-1] < 0.0, number, kept[-1])
+    failed = ca.if_else(signals[watched.regularity] > 0.0, kept[-1], failing)
+    after = ca.vertcat(following, *squares, *largest, failed, values)
+    outputs = ca.cse([after, signals] if logged else [after])
+    return ca.Function("counting", [ca.vertcat(kept, values), ca.vertcat(t, number, sample)], outputs)

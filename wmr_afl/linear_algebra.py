@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from functools import reduce
 from itertools import combinations
 
 from wmr_afl.arrays import Array, Arrays
 
-SINGULAR = 1e-9  # regularity below which a matrix' inverse means nothing
+SINGULAR = 1e-9  # volume of rows of length one below which a matrix' inverse means nothing
 
 
 def determinant(rows: list[list[Array]]) -> Array:
@@ -47,19 +49,21 @@ def least_norm(matrix: Array, right: Array, weights: Array, arrays: Arrays) -> A
 
 
 def regularity(matrix: Array, arrays: Arrays) -> Array:
-    """How far a matrix is from losing rank: volume over the product of its rows' lengths, 1 orthogonal, 0 singular.
+    """Positive where a matrix has an inverse that means something; zero, negative or NaN where not.
 
-    For more columns than rows the largest of the square minors counts. No unit and no scale of a row matters.
+    The square of the rows' volume less that of SINGULAR times the product of their lengths: no unit and no scale of a
+    row matters to the sign, and nothing is divided. For more columns than rows the largest of the square minors counts.
     """
     rows = entries(matrix)
-    squares = 1.0
+    lengths: Array = SINGULAR * SINGULAR
     for row in rows:
-        squares = squares * _sum(entry * entry for entry in row)
-    volume = 0.0
-    for chosen in combinations(range(len(rows[0])), len(rows)):
-        minor = determinant([[row[j] for j in chosen] for row in rows])
-        volume = arrays.maximum(volume, arrays.absolute(minor))
-    return volume / arrays.sqrt(squares)
+        lengths = lengths * _sum(entry * entry for entry in row)
+    minors = [determinant([[row[j] for j in chosen] for row in rows]) for chosen in _choices(rows)]
+    return reduce(arrays.maximum, [minor * minor for minor in minors]) - lengths
+
+
+def _choices(rows: list[list[Array]]) -> Iterable[tuple[int, ...]]:
+    return combinations(range(len(rows[0])), len(rows))
 
 
 def sum_of_squares(matrix: Array) -> Array:

@@ -21,14 +21,16 @@ from wmr_afl.variation import Variation
 Numbers = NDArray[np.float64]
 Record = Callable[[slice, slice, Numbers], None]  # robots, samples, signals (samples, signals, robots)
 
-LANES = 32  # robots of a block: their numbers stay in the first cache
+LANES = 64  # robots of a block: their numbers stay in the first cache
 CHUNK = 1000  # samples of noise, or of signals that are recorded, in memory at a time
 
 
 def watched_signals(loop: ClosedLoop) -> Watched:
     """What a batch tells of each run: tracking errors, inputs and estimates."""
     places = {name: tuple(range(place.start, place.stop)) for name, place in loop.signal_layout.places.items()}
-    return Watched(places["regularity"][0], places["e"], (*places["e"], *places["u"], *places["theta_hat"]))
+    return Watched(
+        places["regularity"][0], places["e"], (*((i,) for i in places["e"] + places["u"]), places["theta_hat"])
+    )
 
 
 def advance_blocks(

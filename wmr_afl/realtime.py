@@ -9,14 +9,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wmr_afl.assembly import assemble
 from wmr_afl.bound_function import bind
 from wmr_afl.closed_loop import Layout
 from wmr_afl.controllers import TrackingController
-from wmr_afl.errors import ShapeError, SimulationError, UnknownNameError
-from wmr_afl.experiment import read_experiment
+from wmr_afl.errors import ShapeError, SimulationError
 from wmr_afl.language import Language
-from wmr_afl.linear_algebra import SINGULAR
+from wmr_afl.loading import load_experiment
 from wmr_afl.model import Model
 from wmr_afl.references import Reference
 
@@ -56,11 +54,8 @@ class Controller:
 
         Raises: InputError, UnknownNameError.
         """
-        loops = assemble(*read_experiment(experiment))
-        name = next(iter(loops)) if controller is None else controller
-        if name not in loops:
-            raise UnknownNameError("controller", name, loops)
-        loop = loops[name]
+        loaded = load_experiment(experiment)
+        loop = loaded.loops[loaded.name(controller)]
         limits = loop.plant.limits.limit if loop.plant.limits else None
         return cls(loop.model, loop.controller, loop.reference, loop.sample_time, limits)
 
@@ -76,8 +71,8 @@ class Controller:
             raise ShapeError(f"x has shape {measured.shape}; expected ({self._states},): {names}")
         self._x[:], self._t[0] = measured, t
         self._run()
-        if not self._out[-1] >= SINGULAR:
-            raise SimulationError(f"at t = {t:g} s Dhat is singular or not finite (regularity {self._out[-1]:.1e})")
+        if not self._out[-1] > 0.0:
+            raise SimulationError(f"at t = {t:g} s Dhat is singular or not finite")
         self._now[:] = self._next
         return self._out[:-1].copy()
 

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from wmr_afl.assembly import assemble
-from wmr_afl.errors import UnknownNameError
-from wmr_afl.experiment import read_experiment
+from wmr_afl.loading import load_experiment
 from wmr_afl.run import Run
-from wmr_afl.simulation import simulate
+from wmr_afl.simulation import sample_times, simulate
 
 Progress = Callable[[str, int, int], None]  # controller, samples done, of how many
 
@@ -23,25 +21,23 @@ def run(
     """Runs every controller of an experiment, or those named, one after the other.
 
     `experiment`: the name of a shipped experiment or a TOML file; `backend`: "numpy" runs step by step, "casadi" traces
-    the closed loop and runs it as one function, "auto" takes the faster one.
+    the step once and runs it by CasADi's virtual machine, "compiled" as machine code, "auto" takes the
+    faster one of these by the number of samples.
     Raises: InputError, UnknownNameError.
     """
-    told, path = read_experiment(experiment)
-    loops = assemble(told, path)
-    chosen = (
-        list(loops) if controllers is None else [controllers] if isinstance(controllers, str) else list(controllers)
-    )
+    loaded = load_experiment(experiment)
+    simulation, loops = loaded.told.simulation, loaded.loops
+    chosen = [controllers] if isinstance(controllers, str) else list(controllers or loops)
     for name in chosen:
-        if name not in loops:
-            raise UnknownNameError("controller", name, loops)
+        loaded.name(name)
     runs = {}
     for name in chosen:
-        total, done = round(told.simulation.duration / told.simulation.sample_time) + 1, 0
+        total, done = len(sample_times(loops[name], simulation.duration)), 0
 
         def tell(count: int, name: str = name, total: int = total) -> None:
             nonlocal done
             done += count
             progress(name, done, total)
 
-        runs[name] = simulate(loops[name], told.simulation.duration, name, backend, tell)
+        runs[name] = simulate(loops[name], simulation.duration, name, backend, tell)
     return runs

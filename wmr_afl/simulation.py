@@ -16,7 +16,6 @@ from wmr_afl.closed_loop import ClosedLoop, Layout
 from wmr_afl.errors import SimulationError, UnknownNameError
 from wmr_afl.kernels import KERNELS, Kernel
 from wmr_afl.language import Language
-from wmr_afl.linear_algebra import SINGULAR
 from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.run import Failure, Run
 from wmr_afl.variation import Variation, nominal
@@ -50,7 +49,7 @@ def simulate(
     if loop.sample_time > duration:
         raise SimulationError(f"a sample of {loop.sample_time:g} s is longer than the run of {duration:g} s")
     times, signals = sample_times(loop, duration), loop.signal_layout
-    robot = robot or nominal([loop])
+    robot = robot or _as_it_is(loop)
     noise = normal_samples(robot.generator(0), len(times), loop.signals["x"]) if loop.plant.noise else None
     blocks, done, failure = [], 0, None
     with np.errstate(all="ignore"):  # what is not finite is looked for below
@@ -78,6 +77,11 @@ def simulate(
     )
 
 
+@functools.lru_cache(maxsize=32)
+def _as_it_is(loop: ClosedLoop) -> Variation:
+    return nominal([loop])
+
+
 def sample_times(loop: ClosedLoop, duration: float) -> Rows:
     """The times of all samples from 0 to `duration` [s], (T,)."""
     return np.asarray(np.arange(round(duration / loop.sample_time) + 1) * loop.sample_time, dtype=np.float64)
@@ -86,17 +90,17 @@ def sample_times(loop: ClosedLoop, duration: float) -> Rows:
 def _failure(block: Rows, times: Rows, signals: Layout) -> Failure | None:
     """The first sample of a block that is singular or not finite."""
     regularity = block[:, signals.places["regularity"]][:, 0]
-    if np.isfinite(block.sum()) and regularity.min() >= SINGULAR:  # the usual case, looked at quickly
+    if np.isfinite(np.vdot(block, block)) and regularity.min() > 0.0:  # the usual case, looked at quickly
         return None
     finite = np.isfinite(block).all(axis=1)
-    bad = np.flatnonzero(~finite | (regularity < SINGULAR))
+    bad = np.flatnonzero(~finite | (regularity <= 0.0))
     if not len(bad):
         return None
     k = int(bad[0])
     for signal, cause in _CAUSES.items():  # from cause to effect
         value = block[k, signals.places[signal]]
-        if not np.isfinite(value).all() or (signal == "regularity" and value[0] < SINGULAR):
-            return Failure(float(times[k]), cause.format(*value))
+        if not np.isfinite(value).all() or (signal == "regularity" and value[0] <= 0.0):
+            return Failure(float(times[k]), cause)
     return Failure(float(times[k]), "a signal is not finite")
 
 
@@ -104,7 +108,7 @@ _CAUSES = {
     "x": "the state is not finite: the loop diverged",
     "theta_hat": "the estimate is not finite",
     "e": "the reference or the output is not finite there",
-    "regularity": "the estimated decoupling matrix is singular (regularity {0:.1e}); bound the estimates",
+    "regularity": "the estimated decoupling matrix is singular; bound the estimates",
     "command": "the input is not finite: the loop diverged; bound the estimates, lower the gains or sample faster",
 }
 

@@ -5,13 +5,13 @@
 
 typedef struct { /* as it comes, for one robot */
     double r, b, d, L, m_C, m_w, I_m, I_C, K1, K2;
-    double b1[2], b2[2], alpha[2], Gamma[6], lower[6], upper[6];
+    double b1[2], b2[2], alpha[2], Gamma[6], lower[6];
     double center[2], radius, rate, sample_time;
 } Parameters;
 
 typedef struct { /* what a step needs of it; h is the sample time, T the true base parameters (30) */
     number h, L, inverse_L, keep_v, hT2, hT4, hT5, keep_omega, hT6;
-    number b1[2], b2[2], alpha[2], gain[6], lower[6], upper[6];
+    number b1[2], b2[2], alpha[2], gain[6], lower[6];
 } Constants;
 
 typedef struct {
@@ -49,7 +49,6 @@ static void prepare(const Parameters *p, int lane, Constants *k)
     for (int j = 0; j < 6; j++) {
         k->gain[j][lane] = h * p->Gamma[j] * factor[j];
         k->lower[j][lane] = p->lower[j];
-        k->upper[j][lane] = p->upper[j];
     }
 }
 
@@ -87,7 +86,7 @@ INLINE whole step(const Constants *k, const Point *to, State *z, Signals *now)
     const number direction[6] = {-(v * ahead), square * ahead, -(omega * aside), -(product * aside),
                                  sum * ahead, difference * aside};
     for (int j = 0; j < 6; j++)
-        z->theta[j] = smaller(larger(fused(k->gain[j], direction[j], theta[j]), k->lower[j]), k->upper[j]);
+        z->theta[j] = larger(fused(k->gain[j], direction[j], theta[j]), k->lower[j]);
     const number advance = k->h * v;
     z->x = fused(advance, c, z->x);
     z->y = fused(advance, s, z->y);

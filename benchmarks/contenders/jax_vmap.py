@@ -17,10 +17,8 @@ jax.config.update("jax_enable_x64", True)
 def step(p, t, state):
     """One sample: the next state, the errors, the voltages, and whether Dhat is regular."""
     r, b, d, L, m_C, m_w, I_m, I_C, K1, K2 = p[:10]
-    b1, b2, alpha, gamma, lower, upper = (
-        p[a:z] for a, z in ((10, 12), (12, 14), (14, 16), (16, 22), (22, 28), (28, 34))
-    )
-    center, (radius, rate, h) = p[34:36], p[36:]
+    b1, b2, alpha, gamma, lower = (p[a:z] for a, z in ((10, 12), (12, 14), (14, 16), (16, 22), (22, 28)))
+    center, (radius, rate, h) = p[28:30], p[30:]
     phi, v, omega = state[2:PLANT]
     theta = state[PLANT:]
     axis = jnp.array([jnp.cos(phi), jnp.sin(phi)])
@@ -45,7 +43,7 @@ def step(p, t, state):
     force = K1 / r * total - 2.0 * K2 / r**2 * v + m_C * d * square
     torque = K1 * b / r * difference - 2.0 * K2 * b**2 / r**2 * omega - m_C * d * product
     velocity = jnp.array([v * axis[0], v * axis[1], omega, force / mass, torque / inertia])
-    following = jnp.concatenate([state[:PLANT] + h * velocity, jnp.clip(theta + h * gamma * direction, lower, upper)])
+    following = jnp.concatenate([state[:PLANT] + h * velocity, jnp.maximum(theta + h * gamma * direction, lower)])
     return following, e, jnp.array([total + difference, total - difference]) / 2.0, regular
 
 

@@ -9,7 +9,7 @@
 typedef struct {
     double r, b, d, L, m_C, m_w, I_m, I_C, K1, K2;
     double b1[2], b2[2], alpha[2];
-    double Gamma[6], lower[6], upper[6];
+    double Gamma[6], lower[6];
     double center[2], radius, rate; /* of the reference (92) */
     double sample_time;
 } Parameters;
@@ -101,7 +101,7 @@ INLINE double step(const Parameters *restrict p, double t, State *restrict state
     };
     for (int j = 0; j < 6; j++) {
         const double moved = theta[j] + p->sample_time * p->Gamma[j] * (W[0][j] * E1[0] + W[1][j] * E1[1]);
-        state->theta_hat[j] = moved < p->lower[j] ? p->lower[j] : moved > p->upper[j] ? p->upper[j] : moved;
+        state->theta_hat[j] = moved < p->lower[j] ? p->lower[j] : moved;
     }
 
     double rate[5];

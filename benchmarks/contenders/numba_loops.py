@@ -12,7 +12,7 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from benchmarks.contenders.study_1 import ERRORS, PLANT, SIGNALS, SINGULAR, STATES, numbers
 from benchmarks.contenders.work import Numbers, Summary, Work
 
-COUNT = 39  # numbers of a robot
+COUNT = 33  # numbers of a robot
 
 compiled = numba.njit(error_model="numpy", inline="always")
 
@@ -22,7 +22,7 @@ def step(p, t, state):
     """One sample: the next state, voltages, errors, and whether Dhat is regular."""
     r, b, d, L, m_C, m_w, I_m, I_C, K1, K2 = p[:10]
     x, y, phi, v, omega, t1, t2, t3, t4, t5, t6 = state
-    center0, center1, radius, rate, h = p[34:]
+    center0, center1, radius, rate, h = p[28:]
     s, c = sin(phi), cos(phi)
     along, across = radius * cos(rate * t), radius * sin(rate * t)
     e0, e1 = x + L * c - center0 - along, y + L * s - center1 - across
@@ -46,12 +46,12 @@ def step(p, t, state):
         phi + h * omega,
         v + thrust * total - drag / mass * v + h * m_C * d / mass * square,
         omega + turn * difference - drag * b * b / inertia * omega - h * m_C * d / inertia * product,
-        min(max(t1 - h * p[16] * v * forward, p[22]), p[28]),
-        min(max(t2 + h * p[17] * square * forward, p[23]), p[29]),
-        min(max(t3 - h * p[18] * omega * sideways, p[24]), p[30]),
-        min(max(t4 - h * p[19] * product * sideways, p[25]), p[31]),
-        min(max(t5 + h * p[20] * total * forward, p[26]), p[32]),
-        min(max(t6 + h * p[21] * difference * sideways, p[27]), p[33]),
+        max(t1 - h * p[16] * v * forward, p[22]),
+        max(t2 + h * p[17] * square * forward, p[23]),
+        max(t3 - h * p[18] * omega * sideways, p[24]),
+        max(t4 - h * p[19] * product * sideways, p[25]),
+        max(t5 + h * p[20] * total * forward, p[26]),
+        max(t6 + h * p[21] * difference * sideways, p[27]),
     )
     return following, (0.5 * (total + difference), 0.5 * (total - difference), e0, e1), regular
 

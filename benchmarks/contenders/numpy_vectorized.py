@@ -17,8 +17,8 @@ def many(work: Work) -> Callable[[], Summary]:
     def run() -> Summary:
         r, b, d, L, m_C, m_w, I_m, I_C, K1, K2 = parameters[:, :10].T.copy()
         b1, b2, alpha = parameters[0, 10:16].reshape(3, 2, 1)
-        gamma, lower, upper = parameters[0, 16:34].reshape(3, 6, 1)
-        center, (radius, rate, h) = parameters[0, 34:36, None], parameters[0, 36:]
+        gamma, lower = parameters[0, 16:28].reshape(2, 6, 1)
+        center, (radius, rate, h) = parameters[0, 28:30, None], parameters[0, 30:]
         mass = m_C + 2.0 * m_w
         inertia = I_C + 2.0 * I_m + m_C * d**2 + 2.0 * m_w * b**2
         thrust, drag, pull = h * K1 / (r * mass), h * 2.0 * K2 / (r**2 * mass), h * m_C * d / mass
@@ -72,7 +72,6 @@ def many(work: Work) -> Callable[[], Summary]:
             direction *= gain
             theta += direction
             np.maximum(theta, lower, out=theta)
-            np.minimum(theta, upper, out=theta)
             np.multiply(axis, h * v, out=spare)
             position += spare
             phi += h * omega

@@ -34,7 +34,7 @@ def step(
 ) -> tuple[list[float], list[float]]:
     """One sample: the next state, and the signals now."""
     r, b, d, L, m_C, m_w, I_m, I_C, K1, K2 = p[:10]
-    center0, center1, radius, rate, h = p[34:]
+    center0, center1, radius, rate, h = p[28:]
     s, c = sin(phi), cos(phi)
     along, across = radius * cos(rate * t), radius * sin(rate * t)
     e0, e1 = x + L * c - center0 - along, y + L * s - center1 - across
@@ -59,8 +59,8 @@ def step(
     force = K1 / r * total - 2.0 * K2 / (r * r) * v + m_C * d * square
     torque = K1 * b / r * difference - 2.0 * K2 * b * b / (r * r) * omega - m_C * d * product
     adapted = [
-        min(max(value + h * gain * move, low), high)
-        for value, gain, move, low, high in zip(theta, p[16:22], moves, p[22:28], p[28:34], strict=True)
+        max(value + h * gain * move, low)
+        for value, gain, move, low in zip(theta, p[16:22], moves, p[22:28], strict=True)
     ]
     following = [
         x + h * v * c, y + h * v * s, phi + h * omega, v + h * force / mass, omega + h * torque / inertia, *adapted,

@@ -45,11 +45,15 @@ def test_least_norm_equals_the_pseudo_inverse(rows: int, columns: int) -> None:
     np.testing.assert_allclose(ca.DM(symbolic).full()[:, 0], expected, rtol=1e-10)
 
 
-def test_regularity_is_one_for_orthogonal_rows_and_zero_for_singular_matrices() -> None:
-    rotation = np.array([[0.6, -0.8], [0.8, 0.6]])
-    assert regularity(np.diag([1e-8, 1e8]) @ rotation, NUMPY) == pytest.approx(1.0)
-    assert regularity(np.array([[1.0, 2.0], [2.0, 4.0]]), NUMPY) == pytest.approx(0.0, abs=1e-15)
-    assert regularity(np.array([[1.0, 0.0], [1.0, 1e-12]]), NUMPY) == pytest.approx(1e-12, rel=1e-3)
+def test_regularity_is_positive_for_what_can_be_inverted_whatever_the_scale_of_rows() -> None:
+    rotation, scale = np.array([[0.6, -0.8], [0.8, 0.6]]), np.diag([1e-8, 1e8])
+    for regular in (rotation, np.array([[1.0, 0.0], [1.0, 2e-9]]), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])):
+        assert regularity(regular, NUMPY) > 0.0
+        assert regularity(scale @ regular, NUMPY) > 0.0
+    for singular in ([[1.0, 2.0], [2.0, 4.0]], [[1.0, 0.0], [1.0, 5e-10]], [[0.0, 0.0], [0.0, 0.0]]):
+        assert regularity(np.array(singular), NUMPY) <= 0.0
+        assert regularity(scale @ np.array(singular), NUMPY) <= 0.0
+    assert not regularity(np.array([[np.nan, 0.0], [0.0, 1.0]]), NUMPY) > 0.0
 
 
 @pytest.mark.parametrize(
@@ -90,7 +94,7 @@ def test_an_adaptation_gain_that_is_not_positive_definite_is_refused(gain) -> No
 def test_a_diagonal_gain_means_the_diagonal_matrix() -> None:
     regressor, error = np.array([[1.0, 2.0, 3.0], [0.5, 0.0, -1.0]]), np.array([0.3, -0.2])
     diagonal, matrix = GradientAdaptation(3, [1.0, 2.0, 3.0]), GradientAdaptation(3, np.diag([1.0, 2.0, 3.0]))
-    rates = [one.rate(regressor, error, np.ones(3), SimpleNamespace(**one.values)) for one in (diagonal, matrix)]
+    rates = [one.change(regressor, error, np.ones(3), SimpleNamespace(**one.values), 1.0) for one in (diagonal, matrix)]
     np.testing.assert_allclose(rates[0], np.array([1.0, 2.0, 3.0]) * (regressor.T @ error))
     np.testing.assert_allclose(rates[1], rates[0])
 
@@ -132,15 +136,15 @@ def test_normalized_adaptation_is_the_gradient_over_one_plus_the_regressors_squa
     one = GradientAdaptation(3, 2.0, normalization=Normalization(0.7))
     k = SimpleNamespace(**one.values)
     expected = 2.0 * regressor.T @ error / (1.0 + 0.7 * np.sum(regressor**2))
-    np.testing.assert_allclose(one.rate(regressor, error, np.ones(3), k), expected, rtol=1e-14)
-    sizes = [np.linalg.norm(one.rate(10.0**n * regressor, error, np.ones(3), k)) for n in range(12)]
+    np.testing.assert_allclose(one.change(regressor, error, np.ones(3), k, 1.0), expected, rtol=1e-14)
+    sizes = [np.linalg.norm(one.change(10.0**n * regressor, error, np.ones(3), k, 1.0)) for n in range(12)]
     assert max(sizes) < 1.0
 
 
 def test_leakage_pulls_each_estimate_by_its_own_rate() -> None:
     """(51) with a diagonal Sigma."""
     one = GradientAdaptation(2, [2.0, 3.0], Leakage(2, [0.1, 0.2]))
-    rate = one.rate(np.zeros((2, 2)), np.zeros(2), np.array([5.0, -7.0]), SimpleNamespace(**one.values))
+    rate = one.change(np.zeros((2, 2)), np.zeros(2), np.array([5.0, -7.0]), SimpleNamespace(**one.values), 1.0)
     np.testing.assert_allclose(rate, [-2.0 * 0.1 * 5.0, 3.0 * 0.2 * 7.0], rtol=1e-14)
 
 

@@ -17,8 +17,9 @@ from wmr_afl.batch import advance_all
 from wmr_afl.campaigns.draws import BLOCK, draws, noise_seeds
 from wmr_afl.closed_loop import ClosedLoop, Layout
 from wmr_afl.compiled.kernel import kernel_text
-from wmr_afl.errors import InputError, UnknownNameError, WmrError
-from wmr_afl.experiment import Experiment, read_experiment
+from wmr_afl.errors import InputError, WmrError
+from wmr_afl.experiment import Experiment
+from wmr_afl.loading import load_experiment
 from wmr_afl.lockstep import LANES, watched_signals
 from wmr_afl.mistakes import mistakes_at
 from wmr_afl.model_files import is_shipped
@@ -46,17 +47,14 @@ def prepare(experiment: str | Path, controller: str | None = None, backend: str 
 
     Raises: InputError, UnknownNameError.
     """
-    told, path = read_experiment(experiment)
-    table = told.campaign
+    loaded = load_experiment(experiment)
+    told, path, table = loaded.told, loaded.path, loaded.told.campaign
     if table is None:
         example = "[campaign.scale] with m_C = { uniform = [0.8, 1.2] }"
         raise InputError(str(path), "[campaign]", "is missing", f"say what each run draws, for example {example}")
-    loops = assemble(told, path)
-    name = controller or table.controller or next(iter(loops))
     with mistakes_at(path, "[campaign] controller"):
-        if name not in loops:
-            raise UnknownNameError("controller", name, loops)
-    loop = loops[name]
+        name = loaded.name(controller or table.controller)
+    loop = loaded.loops[name]
     with mistakes_at(path, "[campaign] since"):
         if table.since > told.simulation.duration:
             raise WmrError(f"is {table.since:g} s; a run ends at {told.simulation.duration:g} s")

@@ -29,21 +29,21 @@ def campaign(
 ) -> None:
     """Run an experiment many times as its campaign table draws; tell success, quantiles and worst runs; can go on."""
     from wmr_afl.campaigns import campaign, report
-    from wmr_afl.experiment import file_name, read_experiment
+    from wmr_afl.experiment import file_name
+    from wmr_afl.loading import load_experiment
     from wmr_afl.results import check_writable
 
     with reporting():
-        told, path = read_experiment(experiment)
-        drawn = told.campaign.controller if told.campaign else None
-        name = controller or drawn or next(iter(told.controllers))
-        folder = out / path.stem / f"campaign_{file_name(name)}"
+        loaded = load_experiment(experiment)
+        name = loaded.name(controller or (loaded.told.campaign.controller if loaded.told.campaign else None))
+        folder = out / loaded.path.stem / f"campaign_{file_name(name)}"
         check_writable(folder)
         if replay is not None:
             _replay(experiment, replay, controller, backend, folder / f"run_{replay}")
             return
         try:
             with progress_bar() as progress:
-                task = progress.add_task(f"{path.stem}: {runs} runs", total=runs)
+                task = progress.add_task(f"{loaded.path.stem}: {runs} runs", total=runs)
                 result = campaign(
                     experiment, runs, folder, controller, threads, backend, scheduler, fresh,
                     lambda done: progress.advance(task, done),

@@ -10,7 +10,6 @@ from rich.table import Table
 
 from derive.__main__ import derive
 from wmr_afl.cli.terminal import app, console, reporting
-from wmr_afl.errors import UnknownNameError
 from wmr_afl.experiment import list_experiments
 from wmr_afl.model import load_model
 from wmr_afl.model_files import list_models
@@ -42,18 +41,15 @@ def show(
     """Tell what was found out about a robot, or what a closed loop computes."""
     with reporting():
         if loop or code or controller is not None:
-            from wmr_afl.assembly import assemble
-            from wmr_afl.experiment import read_experiment
+            from wmr_afl.loading import load_experiment
             from wmr_afl.show_loop import describe_loop, loop_text
 
-            loops = assemble(*read_experiment(name))
-            chosen = next(iter(loops)) if controller is None else controller
-            if chosen not in loops:
-                raise UnknownNameError("controller", chosen, loops)
+            loaded = load_experiment(name)
+            chosen = loaded.name(controller)
             if code:
-                typer.echo(loop_text(loops[chosen]))
+                typer.echo(loop_text(loaded.loops[chosen]))
                 return
-            for part in describe_loop(loops[chosen], chosen):
+            for part in describe_loop(loaded.loops[chosen], chosen):
                 console.print(part, highlight=False)
             return
         from wmr_afl.show import describe

@@ -50,20 +50,20 @@ def animate(
 ) -> None:
     """Run one controller of an experiment; write an animation of the robot; exit with 1 where the run failed."""
     from wmr_afl import animation
-    from wmr_afl.assembly import assemble
-    from wmr_afl.experiment import file_name, read_experiment
+    from wmr_afl.experiment import file_name
+    from wmr_afl.loading import load_experiment
     from wmr_afl.results import check_writable
 
     with reporting():
-        told, path = read_experiment(experiment)
-        name = next(iter(told.controllers)) if controller is None else controller
-        file = animation.check_file(out or Path("results", path.stem, f"{file_name(name)}.gif"))
+        loaded = load_experiment(experiment)
+        name = loaded.name(controller)
+        file = animation.check_file(out or Path("results", loaded.path.stem, f"{file_name(name)}.gif"))
         check_writable(file.parent)
         if not 0.1 <= seconds <= 45.0:
             raise WmrError(f"an animation cannot play for {seconds:g} s; choose --seconds between 0.1 and 45")
         run = run_with_progress(experiment, backend, [name])[name]
         speed = float(run.time[-1] - run.time[0]) / seconds if len(run.time) > 1 else 1.0
-        p = assemble(told, path)[name].plant.parameters
+        p = loaded.loops[name].plant.parameters
         with progress_bar() as progress:
             task = progress.add_task("drawing")
             animation.animate(run, p, file, 12, speed, lambda k, n: progress.update(task, completed=k, total=n))

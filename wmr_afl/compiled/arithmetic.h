@@ -15,30 +15,27 @@ ALWAYS_INLINE double larger(double a, double b) { const double r = larger_or(a, 
 ALWAYS_INLINE double smaller(double a, double b) { const double r = smaller_or(a, b); return a == a ? r : a; }
 ALWAYS_INLINE double sign(double a) { const double r = a < 0.0 ? -1.0 : a; return a > 0.0 ? 1.0 : r; }
 
-/* Sine and cosine without branches: the angle is reduced by pi/2 in three parts (Cody and Waite), the rest by polynomials
-   with the coefficients of fdlibm's kernels (Sun Microsystems 1993, freely granted), correct to 1 ulp on |x| <= pi/4. The
-   first difference is exact, so that 2 ulp hold while n pi/2 is told by three doubles well below the smallest rest. */
+/* Sine and cosine without branches. The angle is reduced by n pi/2 in three parts (Cody and Waite): the first difference
+   is exact, the third part lies below the smallest rest. Polynomials on |r| <= pi/4 with the coefficients of fdlibm's
+   kernels (Sun Microsystems 1993, freely granted). 2 ulp in all. The shifter leaves n in the last bits of the sum. */
 ALWAYS_INLINE void sincos_fast(double x, double *s, double *c)
 {
+    union { double value; unsigned long long bits; } shifted, sine, cosine;
     const double shifter = 0x1.8p52;
-    const double shifted = x * 0x1.45f306dc9c883p-1 + shifter; /* 2/pi */
-    const double n = shifted - shifter;
-    const double r0 = fma(-n, 0x1.921fb54442d18p+0, x);
-    const double p = n * 0x1.1a62633145c07p-54, tail = fma(n, 0x1.1a62633145c07p-54, -p);
-    const double r1 = r0 - p;
-    const double lost = fma(n, 0x1.f1976b7ed8fbcp-110, ((r0 - r1) - p) - tail);
-    const double r = r1, z = r * r, w = z * z;
-    const double ps = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * 2.75573137070700676789e-06)
-                    + z * w * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10);
-    const double v = z * r;
-    const double sine = r - ((z * (0.5 * lost - v * ps) - lost) - v * -1.66666666666666324348e-01);
-    const double pc = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * 2.48015872894767294178e-05))
-                    + w * w * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11));
-    const double half = 0.5 * z, head = 1.0 - half;
-    const double cosine = head + (((1.0 - head) - half) + (z * pc - r * lost));
-    const double quarter = n - 4.0 * floor(0.25 * n); /* 0, 1, 2 or 3 */
-    const int swap = (quarter == 1.0) | (quarter == 3.0);
-    const double a = swap ? cosine : sine, b = swap ? sine : cosine;
-    *s = quarter >= 2.0 ? -a : a;
-    *c = (quarter == 1.0) | (quarter == 2.0) ? -b : b;
+    shifted.value = fma(x, 0x1.45f306dc9c883p-1, shifter); /* 2/pi */
+    const double n = shifted.value - shifter;
+    const double r = fma(n, 0x1.f1976b7ed8fbcp-110, fma(-n, 0x1.1a62633145c07p-54, fma(-n, 0x1.921fb54442d18p+0, x)));
+    const double z = r * r;
+    const double ps = fma(z, fma(z, fma(z, fma(z, 1.58969099521155010221e-10, -2.50507602534068634195e-08),
+                      2.75573137070700676789e-06), -1.98412698298579493134e-04), 8.33333333332248946124e-03);
+    const double pc = fma(z, fma(z, fma(z, fma(z, fma(z, -1.13596475577881948265e-11, 2.08757232129817482790e-09),
+                      -2.75573143513906633035e-07), 2.48015872894767294178e-05), -1.38888888888741095749e-03), 4.16666666666666019037e-02);
+    sine.value = fma(z * r, fma(z, ps, -1.66666666666666324348e-01), r);
+    cosine.value = fma(z * z, pc, fma(-0.5, z, 1.0));
+    const unsigned long long sign = 1ull << 63, odd = shifted.bits & 1; /* number of quarter turns */
+    const unsigned long long first = odd ? cosine.bits : sine.bits, second = odd ? sine.bits : cosine.bits;
+    sine.bits = first ^ (shifted.bits << 62 & sign);
+    cosine.bits = second ^ ((shifted.bits + 1) << 62 & sign);
+    *s = sine.value;
+    *c = cosine.value;
 }

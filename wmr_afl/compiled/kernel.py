@@ -10,11 +10,10 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
-from wmr_afl.block import Block, Watched
+from wmr_afl.block import Block, Watched, aligned
 from wmr_afl.compiled.build import library
 from wmr_afl.compiled.printer import Argument, Depends, Program, print_step
 from wmr_afl.errors import ShapeError
-from wmr_afl.linear_algebra import SINGULAR
 
 Numbers = NDArray[np.float64]
 _ENVIRONMENT = Environment(  # C, not HTML
@@ -45,7 +44,7 @@ class Kernel:
 
     def prepare(self, values: Numbers) -> Numbers:
         """What no step changes, from values (values, lanes): to be given to every `advance` of these robots."""
-        held = np.empty((self._held, self.lanes))
+        held = aligned((self._held, self.lanes))
         self._prepare(_pointer(np.ascontiguousarray(values, dtype=float)), _pointer(held))
         return held
 
@@ -79,7 +78,6 @@ def kernel_text(step: ca.Function, watched: Watched, lanes: int, logged: bool) -
         squared=watched.squared,
         sized=watched.sized,
         regularity=watched.regularity,
-        singular=SINGULAR,
         logged=logged,
     )
     return text, len(program.held), reads_noise

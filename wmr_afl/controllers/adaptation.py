@@ -53,11 +53,14 @@ class GradientAdaptation:
             values |= part.values if part else {}
         return values
 
-    def rate(self, regressor: Array, filtered_error: Array, theta_hat: Array, k: SimpleNamespace) -> Array:
-        """theta_hat' (n_theta,), for W (n-m, n_theta) and E1 (n-m,)."""
+    def change(
+        self, regressor: Array, filtered_error: Array, theta_hat: Array, k: SimpleNamespace, step: Array
+    ) -> Array:
+        """step theta_hat' (n_theta,), for W (n-m, n_theta) and E1 (n-m,)."""
         direction = regressor.T @ filtered_error
         if self.normalization is not None:
             direction = self.normalization.factor(regressor, k) * direction
         if self.leakage is not None:
             direction = direction - self.leakage.pull(theta_hat, k)
-        return k.Gamma * direction if self.gain.ndim == 1 else k.Gamma @ direction
+        gain = step * k.Gamma  # the same at every step, so that it is multiplied once
+        return gain * direction if self.gain.ndim == 1 else gain @ direction

@@ -33,7 +33,7 @@ class LinearizingLaw:
     def inputs(
         self, x: Array, eta: Array, theta_hat: Array, k: SimpleNamespace, language: Language
     ) -> tuple[Array, Array]:
-        """u [V] (n_u,), and how regular Dhat is: 0 singular, 1 orthogonal."""
+        """u [V] (n_u,), and whether Dhat is regular: see `linear_algebra.regularity`."""
         model, arrays = language.model, language.arrays
         decoupling = model.decoupling_matrix(x, theta_hat, k.c)
         right = eta - model.lie_f2_h(x, k.c) - model.lie_q_lie_f_h(x, theta_hat, k.c)

@@ -35,8 +35,11 @@ class Projection:
 
     @property
     def values(self) -> dict[str, Vector]:
-        return {"lower": self.lower, "upper": self.upper}
+        """Bounds that bound anything."""
+        bounds = {"lower": self.lower, "upper": self.upper}
+        return {name: bound for name, bound in bounds.items() if np.isfinite(bound).any()}
 
     def project(self, theta_hat: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
         """The nearest estimate within the bounds."""
-        return arrays.minimum(arrays.maximum(theta_hat, k.lower), k.upper)
+        raised = arrays.maximum(theta_hat, k.lower) if "lower" in self.values else theta_hat
+        return arrays.minimum(raised, k.upper) if "upper" in self.values else raised

@@ -26,7 +26,7 @@ class Action:
 
     input: Array  # u [V], (n_u,)
     filtered_error: Array  # E1, (n-m,)
-    regularity: Array  # of Dhat: 0 singular, 1 orthogonal
+    regularity: Array  # of Dhat: positive where it is regular
 
 
 class TrackingController:
@@ -101,8 +101,8 @@ class TrackingController:
         if self.adaptation is not None:
             seen = applied if self.adaptation.sees_applied else action.input
             regressor = language.model.regressor(x, seen, k.c)
-            rate = self.adaptation.rate(regressor, action.filtered_error, z.theta_hat, k)
-            following["theta_hat"] = self.projection.project(z.theta_hat + step * rate, k, language.arrays)
+            change = self.adaptation.change(regressor, action.filtered_error, z.theta_hat, k, step)
+            following["theta_hat"] = self.projection.project(z.theta_hat + change, k, language.arrays)
         if self.robust is not None:
             v = x[self._coordinates :]
             following |= self.robust.update(v, action.filtered_error, z, k, step, language.arrays)

@@ -28,7 +28,7 @@ from benchmarks.timing import best_times
 from derive.writing import generate_one, write
 from wmr_afl.experiment import read_experiment
 from wmr_afl.plots import styled
-from wmr_afl.simulation import trace
+from wmr_afl.tracing import trace
 
 ROBOTS = (1, 4, 16, 64, 256, 1024, 4096)
 STEPS = (100, 1_000, 10_000, 50_000)

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wmr_afl.block import Block
-from wmr_afl.closed_loop import ClosedLoop, Layout
+from wmr_afl.closed_loop import ClosedLoop, Layout, sample_times
 from wmr_afl.loading import load_experiment
 from wmr_afl.lockstep import advance_blocks
-from wmr_afl.simulation import sample_times
 from wmr_afl.trajectories import recording
 from wmr_afl.variation import Variation, nominal, vary
 
@@ -114,12 +113,12 @@ def summarize(blocks: Blocks, loop: ClosedLoop, duration: float, since: float) -
     largest = gathered(lambda block: block.largest)
 
     failed = gathered(lambda block: block.failed)
-    lost = failed >= 0
+    lost = np.isfinite(failed)
     return BatchResult(
         rms=np.where(lost[:, None], np.inf, np.sqrt(gathered(lambda block: block.squares) / counted)),
         largest_error=np.where(lost[:, None], np.inf, largest[:, :outputs]),
         largest_input=np.where(lost[:, None], np.inf, largest[:, outputs : outputs + inputs]),
         largest_estimate=np.where(lost, np.inf, largest[:, -1]),
         final_state=gathered(lambda block: block.state[Layout(loop.states).places["x"]]),
-        failure_time=np.where(lost, failed * loop.sample_time, np.nan),
+        failure_time=np.where(lost, failed, np.nan) * loop.sample_time,
     )

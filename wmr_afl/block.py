@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,7 @@ CACHE_LINE = 64  # bytes; a vector that straddles two costs two accesses
 
 def aligned(shape: tuple[int, ...]) -> Numbers:
     """Zeros that begin a cache line."""
-    size = int(np.prod(shape))
+    size = math.prod(shape)
     room = np.zeros(size + CACHE_LINE // 8)
     first = -room.ctypes.data % CACHE_LINE // 8
     return room[first : first + size].reshape(shape)
@@ -42,8 +43,8 @@ class Block:
         b, c = a + len(watched.squared), a + len(watched.squared) + len(watched.sized)
         self.rows = aligned((a + watched.rows, state.shape[1]))
         self.state, self.squares, self.largest = self.rows[:a], self.rows[a:b], self.rows[b:c]
-        self.failed = self.rows[-1]  # first sample that was singular or not finite, -1 where none was
-        self.state[:], self.failed[:] = state, -1.0
+        self.failed = self.rows[-1]  # first sample that was singular or not finite, inf where none was
+        self.state[:], self.failed[:] = state, np.inf
         self.samples = 0  # so far
 
     def count_from_here(self) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
 
@@ -31,7 +31,7 @@ class Layout:
     def size(self) -> int:
         return sum(self.sizes.values())
 
-    @cached_property
+    @functools.cached_property
     def places(self) -> dict[str, slice]:
         """Where each name lies."""
         ends = np.cumsum([0, *self.sizes.values()])
@@ -68,17 +68,17 @@ class ClosedLoop:
     reference: Reference
     sample_time: float
 
-    @cached_property
+    @functools.cached_property
     def values(self) -> dict[str, Vector]:
         """Parameters and gains: what may differ between robots of a batch, never the text."""
         return {**self.plant.values, **self.controller.values}
 
-    @cached_property
+    @functools.cached_property
     def states(self) -> dict[str, Vector]:
         """The loop's state at the start."""
         return {**self.plant.states, **self.controller.states}
 
-    @cached_property
+    @functools.cached_property
     def signals(self) -> dict[str, int]:
         """What is logged at every sample, with sizes."""
         outputs, inputs = len(self.model.output_units), len(self.model.input_units)
@@ -92,7 +92,7 @@ class ClosedLoop:
             "regularity": 1,
         }
 
-    @cached_property
+    @functools.cached_property
     def signal_layout(self) -> Layout:
         """Where each signal lies in a row of the log."""
         return Layout({name: np.zeros(size) for name, size in self.signals.items()})
@@ -122,3 +122,11 @@ class ClosedLoop:
             **self.controller.update(seen, action, applied, z, k, self.sample_time, language),
         }
         return following, signals
+
+
+@functools.lru_cache(maxsize=32)
+def sample_times(loop: ClosedLoop, duration: float) -> Vector:
+    """The times of all samples from 0 to `duration` [s], (T,), not to be written into."""
+    times = np.asarray(np.arange(round(duration / loop.sample_time) + 1) * loop.sample_time, dtype=np.float64)
+    times.flags.writeable = False
+    return times

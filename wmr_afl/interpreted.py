@@ -17,7 +17,7 @@ Numbers = NDArray[np.float64]
 class InterpretedKernel:
     """`step` (state, t, sample, values) -> (next, signals), called like a `compiled.kernel.Kernel`, robot by robot."""
 
-    lanes = 1
+    lanes, sees_all = 1, False
 
     def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
         self.watched, self._logged = watched, logged
@@ -76,8 +76,7 @@ def counting(step: ca.Function, watched: Watched, logged: bool) -> ca.Function:
         for place in group:
             size = ca.if_else(ca.fabs(signals[place]) > size, ca.fabs(signals[place]), size)  # what is no number never
         largest.append(size)
-    failing = ca.if_else(kept[-1] < 0.0, number, kept[-1])
-    failed = ca.if_else(signals[watched.regularity] > 0.0, kept[-1], failing)
+    failed = ca.if_else(signals[watched.regularity] > 0.0, kept[-1], ca.fmin(number, kept[-1]))
     after = ca.vertcat(following, *squares, *largest, failed, values)
     outputs = ca.cse([after, signals] if logged else [after])
     return ca.Function("counting", [ca.vertcat(kept, values), ca.vertcat(t, number, sample)], outputs)

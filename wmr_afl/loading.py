@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,7 +42,7 @@ def load_experiment(name: str | Path) -> Loaded:
     path = find_experiment(name)
     place, text = path.absolute(), _digest([path])
     told = _told(path, place, text)
-    return _loaded(path, place, text, _digest(sorted(model_of(told, path).glob("*model.*"))))
+    return _loaded(path, place, text, _stamps(model_of(told, path)))
 
 
 @functools.lru_cache(maxsize=16)
@@ -50,9 +51,15 @@ def _told(path: Path, place: Path, text: str) -> Experiment:
 
 
 @functools.lru_cache(maxsize=16)
-def _loaded(path: Path, place: Path, text: str, model: str) -> Loaded:
+def _loaded(path: Path, place: Path, text: str, model: tuple[tuple[int, int, int], ...]) -> Loaded:
     told = _told(path, place, text)
     return Loaded(told, path, assemble(told, path))
+
+
+def _stamps(folder: Path) -> tuple[tuple[int, int, int], ...]:
+    """Of the files of a model, which are replaced, never written into."""
+    found = (os.stat(folder / name) for name in sorted(os.listdir(folder)))
+    return tuple((file.st_ino, file.st_mtime_ns, file.st_size) for file in found)
 
 
 def _digest(files: Iterable[Path]) -> str:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.block import Block, Watched
-from wmr_afl.closed_loop import ClosedLoop
+from wmr_afl.closed_loop import ClosedLoop, sample_times
 from wmr_afl.errors import UnknownNameError
 from wmr_afl.kernels import KERNELS, Kernel
 from wmr_afl.plant.measurement_noise import normal_samples
-from wmr_afl.simulation import sample_times, trace
+from wmr_afl.tracing import trace
 from wmr_afl.variation import Variation
 
 Numbers = NDArray[np.float64]

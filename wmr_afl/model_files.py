@@ -35,7 +35,7 @@ def model_folder(name: str | Path) -> Path:
     folder = Path(name)
     if os.path.isfile(folder / "model.json"):  # unlike Path.is_file, no error where the name is too long
         return folder
-    if str(name) in list_models():
+    if os.path.isfile(_shipped() / name / "model.json") and Path(name).name == str(name):
         return _shipped() / name
     below = sorted(path.parent.as_posix() for path in folder.glob("*/model.json")) if os.path.isdir(folder) else []
     if below:

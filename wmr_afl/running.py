@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from wmr_afl.closed_loop import sample_times
 from wmr_afl.loading import load_experiment
 from wmr_afl.run import Run
-from wmr_afl.simulation import sample_times, simulate
+from wmr_afl.simulation import simulate
 
 Progress = Callable[[str, int, int], None]  # controller, samples done, of how many
 

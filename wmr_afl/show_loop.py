@@ -13,7 +13,7 @@ from rich.table import Table
 from wmr_afl.closed_loop import ClosedLoop, Layout
 from wmr_afl.compiled.kernel import kernel_text, print_loop
 from wmr_afl.lockstep import LANES, watched_signals
-from wmr_afl.simulation import trace
+from wmr_afl.tracing import trace
 
 _NO_WORK = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.contenders.work import LOGGED, Numbers, Summary, Work, places
 from wmr_afl.compiled.build import library
-from wmr_afl.simulation import trace
+from wmr_afl.tracing import trace
 
 
 def one(work: Work) -> Callable[[], Numbers]:

@@ -28,7 +28,8 @@ from wmr_afl.compiled.kernel import Kernel, kernel_text
 from wmr_afl.compiled.printer import Argument, Depends, print_step
 from wmr_afl.experiment import list_experiments, read_experiment
 from wmr_afl.lockstep import watched_signals
-from wmr_afl.simulation import simulate, trace
+from wmr_afl.simulation import simulate
+from wmr_afl.tracing import trace
 
 pytestmark = pytest.mark.skipif(build.compiler() is None, reason="no C compiler")
 
@@ -176,7 +177,7 @@ START = {"x": [15.0, 15.1]}
 
 
 def test_without_a_compiler_one_line_says_so(no_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from wmr_afl import simulation
+    from wmr_afl import stepping
 
     compiled = wmr_afl.run_batch("study_1", start=START)
     monkeypatch.setattr(build, "compiler", lambda: None)
@@ -184,7 +185,7 @@ def test_without_a_compiler_one_line_says_so(no_cache: Path, monkeypatch: pytest
     with one_line("no C compiler was found; running on CasADi's virtual machine"):
         interpreted = wmr_afl.run_batch("study_1", start=START)
     np.testing.assert_allclose(interpreted.rms, compiled.rms, rtol=1e-9)
-    monkeypatch.setattr(simulation, "WORTH_BUILDING", 1)
+    monkeypatch.setattr(stepping, "WORTH_BUILDING", 1)
     with one_line("no C compiler was found"):
         assert wmr_afl.run("study_1", controllers="AFL")["AFL"].failure is None
     with pytest.raises(CompilerError, match="no C compiler was found; install one, or run with backend casadi"):

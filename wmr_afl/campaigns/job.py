@@ -24,7 +24,7 @@ from wmr_afl.lockstep import LANES, watched_signals
 from wmr_afl.mistakes import mistakes_at
 from wmr_afl.model_files import is_shipped
 from wmr_afl.schema.campaign import CampaignTable
-from wmr_afl.simulation import trace
+from wmr_afl.tracing import trace
 from wmr_afl.variation import Variation, vary
 
 Columns = dict[str, NDArray[Any]]  # results and draws of a block's runs, one row a run

@@ -33,7 +33,7 @@ class Kernel:
     """
 
     def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
-        self.lanes, self.watched, self.states = lanes, watched, step.size1_in(0)
+        self.lanes, self.watched, self.sees_all = lanes, watched, logged
         self.signals = step.size1_out(1) if logged else 0
         text, self._held, self._reads_noise = kernel_text(step, watched, lanes, logged)
         self._prepare, self._advance = _functions(text)
@@ -92,7 +92,7 @@ def print_loop(step: ca.Function, lanes: int) -> Program:
         Argument(f"noise{lane}", Depends.BOTH),
         Argument(f"k{lane}", Depends.ROBOT),
     )
-    return print_step(step, arguments)
+    return print_step(step, arguments, alone=lanes == 1)
 
 
 @functools.lru_cache(maxsize=256)

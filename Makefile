@@ -31,7 +31,7 @@ lint: $(VENV)/test.installed  ## Check style and the walls between the packages
 types: $(VENV)/test.installed  ## Check types
 	$(BIN)/mypy
 
-bench: $(VENV)/test.installed  ## Measure speed, as ratios within one run
+bench: $(VENV)/bench.installed  ## Measure speed, as ratios within one run, beside other tools
 	$(BIN)/python -m benchmarks
 
 notebooks: $(VENV)/test.installed  ## Execute the notebooks and store their output
@@ -48,6 +48,10 @@ $(VENV)/bin/python:
 
 $(VENV)/run.installed: pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[derive]"
+	@touch $@
+
+$(VENV)/bench.installed: pyproject.toml $(VENV)/test.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[derive,bench,test]"
 	@touch $@
 
 $(VENV)/test.installed: pyproject.toml $(VENV)/run.installed

@@ -17,7 +17,7 @@ import numpy as np
 import typer
 from rich.console import Console, Group
 
-from benchmarks import machine, tables, targets
+from benchmarks import campaigns, machine, tables, targets
 from benchmarks.contenders import ANY_LOOP, GENERATED, LITERAL, MANY_ROBOTS, ONE_ROBOT
 from benchmarks.contenders.work import Work, lasting
 from benchmarks.contest import Result, hold
@@ -61,6 +61,7 @@ def judged(results: list[Result]) -> list[Target]:
     """Every promise."""
     return [
         *targets.of_contests(results), *targets.of_updates(update_times()), *targets.of_first_runs(first_runs()),
+        *campaigns.of_campaigns(),
     ]  # fmt: skip
 
 

@@ -16,10 +16,10 @@ from typing import Annotated
 import casadi as ca
 import numpy as np
 import typer
-from rich.console import Console
-from rich.table import Table
+from rich.console import Console, Group
 
-from benchmarks import machine, tables
+from benchmarks import campaigns, machine, tables
+from benchmarks.campaigns import over_workers
 from benchmarks.contenders.own import many
 from benchmarks.contenders.work import Work, lasting
 from benchmarks.growth import description
@@ -135,18 +135,30 @@ def rows(found: Sequence[Cost]) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def store(found: Sequence[Cost]) -> None:
+def store(found: Sequence[Cost], workers: Sequence[tuple[int, float]]) -> None:
     """Machine and costs as JSON."""
-    content = {"machine": machine.machine(), "costs": [{**asdict(c), "nanoseconds": c.nanoseconds} for c in found]}
+    content = {
+        "machine": machine.machine(),
+        "costs": [{**asdict(c), "nanoseconds": c.nanoseconds} for c in found],
+        "campaigns": [{"workers": count, "seconds": seconds} for count, seconds in workers],
+    }
     STORED.parent.mkdir(exist_ok=True)
     STORED.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def measure() -> Table:
-    """The table for the terminal; the costs are stored beside."""
-    found = costs()
-    store(found)
-    return tables.in_terminal(HEADINGS, rows(found), "Batches: what growth costs")
+def measure() -> Group:
+    """The tables for the terminal; the costs are stored beside."""
+    found, workers = costs(), over_workers()
+    store(found, workers)
+    return in_terminal(found, workers)
+
+
+def in_terminal(found: Sequence[Cost], workers: list[tuple[int, float]]) -> Group:
+    """For rich."""
+    return Group(
+        tables.in_terminal(HEADINGS, rows(found), "Batches: what growth costs"),
+        tables.in_terminal(campaigns.HEADINGS, campaigns.rows(workers), "Campaigns over workers"),
+    )
 
 
 def main(
@@ -156,15 +168,21 @@ def main(
     plot: Annotated[Path | None, typer.Option(help="Where the figure goes, a PNG file.")] = None,
 ) -> None:
     """Measure how the cost of batches grows, print what was found, and store it."""
-    found = costs()
-    store(found)
-    Console(width=150, markup=False).print(tables.in_terminal(HEADINGS, rows(found), "Batches: what growth costs"))
+    found, workers = costs(), over_workers()
+    store(found, workers)
+    Console(width=150, markup=False).print(in_terminal(found, workers))
     if table is not None:
-        text = f"Measured on {machine.told(machine.machine())}.\n\n{tables.in_markdown(HEADINGS, rows(found), left=1)}"
+        text = "\n\n".join(
+            (
+                f"Measured on {machine.told(machine.machine())}.",
+                tables.in_markdown(HEADINGS, rows(found), left=1),
+                tables.in_markdown(campaigns.HEADINGS, campaigns.rows(workers), left=1),
+            )
+        )
         tables.replace_between(table, MARKS, text)
     if plot is not None:
         with styled():
-            draw(found).savefig(plot, dpi=150, metadata={"Software": None})
+            draw(found, workers).savefig(plot, dpi=150, metadata={"Software": None})
 
 
 def _below(folder: str, name: str) -> Path:

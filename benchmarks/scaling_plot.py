@@ -28,9 +28,9 @@ class Cost(Protocol):
 def draw(found: Sequence[Cost], workers: Sequence[tuple[int, float]] = ()) -> Figure:
     """Robots and threads, steps, trailers; and, where given, seconds of the same work over the number of workers."""
     with styled():
-        panels = 4 if workers else 3
-        figure = new_figure(3.6 * panels, 3.2)
-        axes = figure.subplots(1, panels)
+        rows, columns = (2, 2) if workers else (1, 3)
+        figure = new_figure(3.7 * columns, 3.1 * rows)
+        axes = figure.subplots(rows, columns).ravel()
         draw_robots(axes[0], [cost for cost in found if cost.series == "robots"])
         draw_steps(axes[1], [cost for cost in found if cost.series == "steps"])
         draw_trailers(axes[2], [cost for cost in found if cost.series == "trailers"])
@@ -71,11 +71,12 @@ def draw_trailers(axes: Axes, found: Sequence[Cost]) -> None:
 
 
 def draw_workers(axes: Axes, workers: Sequence[tuple[int, float]]) -> None:
-    """Speed over workers, beside a straight proportion."""
-    counts, (_, alone) = [count for count, _ in workers], workers[0]
-    axes.plot(counts, [count / counts[0] for count in counts], "--", color="0.6", label="in proportion")
-    axes.plot(counts, [alone / seconds for _, seconds in workers], "o-", color=COLOURS[0], label="measured")
-    axes.set(xlabel="workers", ylabel="times as fast as one")
+    """Speed over workers of a cluster, beside a straight proportion; the first is this process without any."""
+    (_, alone), *others = workers
+    counts = [count for count, _ in others]
+    axes.plot([0, *counts], [0, *counts], "--", color="0.6", label="in proportion")
+    axes.plot(counts, [alone / seconds for _, seconds in others], "o-", color=COLOURS[0], label="measured")
+    axes.set(xlabel="workers of a cluster", ylabel="times as fast as one process")
     _finish(axes)
 
 

@@ -49,7 +49,7 @@ def advance_blocks(
     """
     if backend not in KERNELS:
         raise UnknownNameError("backend of a batch", str(backend), KERNELS)
-    kernel = _kernel(loop, backend, record is not None)
+    kernel = kernel_of(loop, backend, record is not None)
     times = sample_times(loop, duration)
     counted_from = int(np.ceil(since / loop.sample_time - 1e-9))
     chunk = CHUNK if loop.plant.noise or record is not None else len(times)
@@ -78,7 +78,8 @@ def advance_blocks(
 
 
 @functools.lru_cache(maxsize=32)
-def _kernel(loop: ClosedLoop, backend: str, logged: bool) -> Kernel:
+def kernel_of(loop: ClosedLoop, backend: str, logged: bool) -> Kernel:
+    """The kernel that runs blocks of robots of this loop."""
     return KERNELS[backend](trace(loop), watched_signals(loop), LANES, logged)
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,8 @@ import pytest
 
 from tests.conftest import DESCRIPTIONS, ROBOTS, ROOT
 from wmr_afl.figures import FIGURES
+from wmr_afl.loading import load_experiment
+from wmr_afl.show_loop import loop_text
 
 
 def run(*arguments: object, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
@@ -26,12 +29,26 @@ def run(*arguments: object, cwd: Path = ROOT) -> subprocess.CompletedProcess[str
 
 
 @pytest.mark.parametrize(
-    "verb", [[], ["models"], ["show"], ["derive"], ["check"], ["animate"], ["simulate"], ["reproduce"]]
+    "verb", [[], ["models"], ["show"], ["derive"], ["check"], ["animate"], ["simulate"], ["reproduce"], ["campaign"]]
 )
 def test_help_tells_a_newcomer_what_there_is(verb: list[str]) -> None:
     done = run(*verb, "--help")
     assert done.returncode == 0
     assert "Usage: wmr-afl" in done.stdout
+
+
+def test_a_loop_is_told_and_its_text_is_what_is_built() -> None:
+    told = run("show", "study_2", "--loop", "--controller", "robust AFL")
+    assert told.returncode == 0, told.stderr
+    assert "a_hat (2)" in told.stdout
+    lines = int(re.search(r"(\d+) lines for each step and robot", told.stdout)[1])
+    operations = int(re.search(r"operations of a step +(\d+)", told.stdout)[1])
+    assert 0.5 * operations < lines < operations
+    text = run("show", "study_2", "--code", "--controller", "robust AFL").stdout
+    loaded = load_experiment("study_2")
+    assert text.strip() == loop_text(loaded.loops["robust AFL"]).strip()
+    wrong = run("show", "study_2", "--loop", "--controller", "PID")
+    assert (wrong.returncode, len(wrong.stderr.splitlines())) == (2, 1)
 
 
 def test_the_version_is_told() -> None:

@@ -1,10 +1,6 @@
 """Campaigns on a Dask cluster of real processes: the same numbers, also where workers die."""
 
-import os
 import signal
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,6 +8,7 @@ import numpy as np
 import pytest
 
 import wmr_afl
+from benchmarks.cluster import Cluster
 from tests.conftest import ROOT
 from tests.wmr_afl.test_campaigns import STUDY_1, same
 from wmr_afl import WmrError
@@ -22,40 +19,9 @@ pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")  # of the library's own, on its threads and sockets
 
 
-class Cluster:
-    """A scheduler and workers, each a process of its own, on loopback."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder, self.file, self.workers = folder, folder / "scheduler.json", []
-        self.scheduler = self.process("dask_scheduler", "--port", "0", "--host", "127.0.0.1")
-        end = time.monotonic() + 60.0
-        while not self.file.exists():
-            assert time.monotonic() < end
-            time.sleep(0.05)
-        self.address = __import__("json").loads(self.file.read_text())["address"]
-
-    def process(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
-        return subprocess.Popen(
-            [sys.executable, "-m", f"distributed.cli.{name}", "--scheduler-file", str(self.file), "--no-dashboard",
-             *arguments],
-            cwd=self.folder, env={**os.environ, "PYTHONPATH": str(ROOT)},
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-
-    def add_worker(self) -> None:
-        self.workers.append(self.process("dask_worker", "--no-nanny", "--nthreads", "1", "--memory-limit", "0"))
-
-    def stop(self) -> None:
-        for process in (*self.workers, self.scheduler):
-            process.kill()
-            process.wait()
-
-
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[Cluster]:
-    made = Cluster(tmp_path)
-    for _ in range(2):
-        made.add_worker()
+    made = Cluster(tmp_path, workers=2)
     yield made
     made.stop()
 

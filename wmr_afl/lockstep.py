@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wmr_afl.block import Block, Watched
 from wmr_afl.closed_loop import ClosedLoop, sample_times
-from wmr_afl.errors import UnknownNameError
+from wmr_afl.errors import SimulationError, UnknownNameError
 from wmr_afl.kernels import KERNELS, Kernel
 from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.tracing import trace
@@ -46,9 +46,12 @@ def advance_blocks(
 
     Summaries count from `since` [s]; `record` is given all signals, chunk by chunk. Neither the number of threads nor
     the place of a robot among the others changes a bit of its numbers.
+    Raises: UnknownNameError, where there is no such backend; SimulationError, where `since` is no time of the run.
     """
     if backend not in KERNELS:
         raise UnknownNameError("backend of a batch", str(backend), KERNELS)
+    if not 0.0 <= since <= duration:
+        raise SimulationError(f"errors cannot count since {since:g} s; a run goes from 0 to {duration:g} s")
     kernel = kernel_of(loop, backend, record is not None)
     times = sample_times(loop, duration)
     counted_from = int(np.ceil(since / loop.sample_time - 1e-9))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -9,10 +10,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wmr_afl.block import Watched
 from wmr_afl.bound_function import bind
 from wmr_afl.closed_loop import Layout
+from wmr_afl.compiled.kernel import Kernel
 from wmr_afl.controllers import TrackingController
-from wmr_afl.errors import ShapeError, SimulationError
+from wmr_afl.errors import CompilerError, ShapeError, SimulationError
 from wmr_afl.language import Language
 from wmr_afl.loading import load_experiment
 from wmr_afl.model import Model
@@ -22,7 +25,7 @@ Numbers = NDArray[np.float64]
 
 
 class Controller:
-    """u = controller.update(t, x), once a sample: the law with its own state, traced once and run without allocation.
+    """u = controller.update(t, x), once a sample: the law with its own state, traced once, compiled where possible.
 
     `reference` is followed at the times that `update` is given; `sample_time` [s] is the time between two updates.
     What reaches the motors is taken to be what was commanded, within `limits` [V] (n_u,) where those are given.
@@ -43,10 +46,8 @@ class Controller:
         if self._limits.shape != (self._inputs,) or not np.all(self._limits > 0):
             raise ShapeError(f"limits are {limits!r}; expected {self._inputs} positive voltages")
         self._x, self._t, self._out = np.zeros(self._states), np.zeros(1), np.zeros(self._inputs + 1)
-        self._now = Layout(law.states).pack(law.states)
-        self._next = np.zeros_like(self._now)
-        self._run = bind(self._traced(), (self._now, self._t, self._x), (self._out, self._next))
-        self.reset()
+        self._now = self._before = Layout(law.states).pack(law.states)
+        self._run = self._compiled_if_possible(self._traced())
 
     @classmethod
     def from_experiment(cls, experiment: str | Path, controller: str | None = None) -> Controller:
@@ -69,11 +70,11 @@ class Controller:
         if measured.shape != (self._states,):
             names = ", ".join(self.model.state_units)
             raise ShapeError(f"x has shape {measured.shape}; expected ({self._states},): {names}")
-        self._x[:], self._t[0] = measured, t
+        self._x[:], self._t[0], self._before[:] = measured, t, self._now
         self._run()
         if not self._out[-1] > 0.0:
+            self._now[:] = self._before
             raise SimulationError(f"at t = {t:g} s Dhat is singular or not finite")
-        self._now[:] = self._next
         return self._out[:-1].copy()
 
     @property
@@ -85,8 +86,19 @@ class Controller:
         """Back to the first estimate."""
         self._now[:] = Layout(self.law.states).pack(self.law.states)
 
+    def _compiled_if_possible(self, step: ca.Function) -> Callable[[], None]:
+        """A call that advances the law's state, where `_before` holds it too, from t and x, and leaves the inputs."""
+        try:
+            kernel = Kernel(step, Watched(regularity=self._inputs), logged=True)
+        except CompilerError:
+            self._before = self._now.copy()
+            return bind(step, (self._before, self._t, self._x, np.zeros(0)), (self._now, self._out))
+        block, held = kernel.start(self._now[:, None]), kernel.prepare(np.zeros((0, 1)))
+        self._kept, self._now = (block, held), block.state[:, 0]  # `_kept` only lives on
+        return kernel.bound(block, self._t, self._x, held, self._out)
+
     def _traced(self) -> ca.Function:
-        """(state of the law, t, x) -> ([u, regularity], next state of the law)."""
+        """(state of the law, t, x, nothing) -> (next state of the law, [u, regularity])."""
         language, states = Language.of(self.model, "casadi"), Layout(self.law.states)
         k = SimpleNamespace(**{name: ca.DM(value) for name, value in self.law.values.items()})
         flat, t, x = ca.SX.sym("z", states.size), ca.SX.sym("t"), ca.SX.sym("x", self._states)
@@ -95,4 +107,5 @@ class Controller:
         applied = ca.fmin(ca.fmax(action.input, -self._limits), self._limits)
         following = self.law.update(x, action, applied, z, k, self.sample_time, language)
         out = ca.vertcat(applied, action.regularity)
-        return ca.Function("controller", [flat, t, x], ca.cse([ca.densify(out), states.pack_symbols(following)]))
+        outputs = ca.cse([ca.densify(states.pack_symbols(following)), ca.densify(out)])
+        return ca.Function("controller", [flat, t, x, ca.SX.sym("none", 0)], outputs)

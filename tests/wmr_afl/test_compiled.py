@@ -19,7 +19,16 @@ import pytest
 
 import wmr_afl
 from tests.conftest import ROOT
-from wmr_afl import BackendWarning, CompilerError, ShapeError, SimulationWarning, UnknownNameError, WmrError, loading
+from wmr_afl import (
+    BackendWarning,
+    CompilerError,
+    ShapeError,
+    SimulationError,
+    SimulationWarning,
+    UnknownNameError,
+    WmrError,
+    loading,
+)
 from wmr_afl.assembly import assemble
 from wmr_afl.block import Watched
 from wmr_afl.compiled import build
@@ -354,6 +363,8 @@ def test_a_robot_that_diverges_never_disturbs_its_neighbours(backend: str) -> No
         (lambda: wmr_afl.run_batch("study_1", start={"x": [math.nan]}), ShapeError, "no number"),
         (lambda: wmr_afl.run_batch("study_1", parameters={"m_C": [1.0, -2.0]}), WmrError, "m_C = -2 kg is negative"),
         (lambda: wmr_afl.run_batch("study_1", scale={"mass": [1.0]}), UnknownNameError, "m_C"),
+        (lambda: wmr_afl.run_batch("study_1", start={"x": [1.0]}, since=140.1), SimulationError, "from 0 to 140 s"),
+        (lambda: wmr_afl.run_batch("study_1", start={"x": [1.0]}, since=-1.0), SimulationError, "from 0 to 140 s"),
         (lambda: wmr_afl.run_batch("study_1", "PID", start={"x": [1.0]}), UnknownNameError, "AFL"),
         (lambda: wmr_afl.run_batch("study_1", start={"x": [1.0]}, backend="numpy"), UnknownNameError, "compiled"),
     ],

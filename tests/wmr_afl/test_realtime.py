@@ -6,20 +6,29 @@ import numpy as np
 import pytest
 
 import wmr_afl
-from wmr_afl import Controller, ShapeError, SimulationError, UnknownNameError
+from wmr_afl import CompilerError, Controller, ShapeError, SimulationError, UnknownNameError, realtime
 
 
 @pytest.mark.parametrize(
     ("experiment", "name"),
     [("study_1", "AFL"), ("study_2", "AFL with leakage"), ("study_2", "robust AFL"), ("track_mecanum", "AFL")],
 )
-def test_it_gives_the_simulators_inputs(experiment: str, name: str) -> None:
+@pytest.mark.parametrize("has_compiler", [True, False])
+def test_it_gives_the_simulators_inputs(
+    experiment: str, name: str, has_compiler: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     run = wmr_afl.run(experiment, controllers=name)[name]
+    if not has_compiler:
+        monkeypatch.setattr(realtime, "Kernel", failing)
     controller = Controller.from_experiment(experiment, name)
     for k in range(350):  # 7 s of the studies
         u = controller.update(run.time[k], run.state[k])
         np.testing.assert_allclose(u, run.input[k], rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(controller.estimate, run.estimate[k + 1], rtol=1e-9, atol=1e-12)
+
+
+def failing(*arguments: object, **options: object) -> None:
+    raise CompilerError("no C compiler was found")
 
 
 def test_it_starts_again_where_it_is_told_to() -> None:
@@ -49,7 +58,12 @@ def test_inputs_stay_within_their_limits() -> None:
     assert np.all(np.abs(controller.update(0.0, [50.0, -50.0, 0.0, 3.0, 3.0])) <= 24.0)
 
 
-def test_what_cannot_be_controlled_is_told_and_changes_nothing() -> None:
+@pytest.mark.parametrize("has_compiler", [True, False])
+def test_what_cannot_be_controlled_is_told_and_changes_nothing(
+    has_compiler: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not has_compiler:
+        monkeypatch.setattr(realtime, "Kernel", failing)
     controller = Controller.from_experiment("study_1")
     before = controller.estimate
     with pytest.raises(SimulationError, match="not finite"):

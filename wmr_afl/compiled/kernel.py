@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -36,7 +37,7 @@ class Kernel:
         self.lanes, self.watched, self.sees_all = lanes, watched, logged
         self.signals = step.size1_out(1) if logged else 0
         text, self._held, self._reads_noise = kernel_text(step, watched, lanes, logged)
-        self._prepare, self._advance = _functions(text)
+        self._prepare, self._advance, self._advance_bare = _functions(text)
 
     def start(self, state: Numbers) -> Block:
         """At the start, state (states, lanes)."""
@@ -62,6 +63,14 @@ class Kernel:
         )  # fmt: skip
         block.samples += len(times)
         return rows
+
+    def bound(self, block: Block, time: Numbers, noise: Numbers, held: Numbers, rows: Numbers) -> Callable[[], None]:
+        """A call that advances `block` by one sample from these arrays into `rows`, and allocates nothing.
+
+        The arrays must outlive the call.
+        """
+        pointers = (ctypes.c_void_p(_pointer(array)) for array in (time, noise, held, block.rows, rows))
+        return functools.partial(self._advance_bare, ctypes.c_size_t(1), ctypes.c_size_t(0), *pointers)
 
 
 def kernel_text(step: ca.Function, watched: Watched, lanes: int, logged: bool) -> tuple[str, int, bool]:
@@ -96,13 +105,18 @@ def print_loop(step: ca.Function, lanes: int) -> Program:
 
 
 @functools.lru_cache(maxsize=256)
-def _functions(text: str) -> tuple[ctypes._NamedFuncPointer, ctypes._NamedFuncPointer]:
-    """Pointers are given as numbers: NumPy keeps what they point to."""
+def _functions(text: str) -> tuple[Callable[..., None], Callable[..., None], Callable[..., None]]:
+    """`prepare`, `advance`, and `advance` without conversion of its arguments, which costs as much as a small step.
+
+    Pointers are given as numbers: NumPy keeps what they point to.
+    """
     built = library(text)
     size, pointer = ctypes.c_size_t, ctypes.c_void_p
     built.prepare.argtypes, built.prepare.restype = [pointer, pointer], None
     built.advance.argtypes, built.advance.restype = [size, size, *[pointer] * 5], None
-    return built.prepare, built.advance
+    bare = built["advance"]
+    bare.restype = None
+    return built.prepare, built.advance, bare
 
 
 def _pointer(array: Numbers | None) -> int | None:

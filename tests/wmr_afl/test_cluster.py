@@ -2,6 +2,7 @@
 
 import signal
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from tests.wmr_afl.test_campaigns import STUDY_1, same
 from wmr_afl import WmrError
 from wmr_afl.campaigns import workers
 from wmr_afl.campaigns.draws import BLOCK
+from wmr_afl.campaigns.job import prepare
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("ignore")  # of the library's own, on its threads and sockets
@@ -49,6 +51,18 @@ def test_a_robot_of_a_users_own_travels_to_the_workers(cluster: Cluster, tmp_pat
     (tmp_path / "own.toml").write_text(text)
     there = wmr_afl.campaign(tmp_path / "own.toml", 1500, scheduler=cluster.address)
     same(there, wmr_afl.campaign(tmp_path / "own.toml", 1500))
+
+
+def test_what_fails_at_a_worker_is_told_in_one_line(cluster: Cluster, tmp_path: Path) -> None:
+    """Here a model that the workers would read differently, and a job that no worker can do."""
+    job = prepare("study_1")
+    for broken, words in (
+        (replace(job, fingerprint="of another version"), "another version of the model or of wmr_afl"),
+        (replace(job, told=None), r"a worker failed on block 3 \(AttributeError"),
+    ):
+        with pytest.raises(WmrError, match=words) as told:
+            list(workers.on_cluster(broken, [(3, 10)], 1, cluster.address))
+        assert "\n" not in str(told.value)
 
 
 def test_a_scheduler_that_is_lost_is_told_and_finished_blocks_are_kept(cluster: Cluster, tmp_path: Path) -> None:

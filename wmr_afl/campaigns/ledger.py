@@ -7,6 +7,7 @@ import json
 import os
 import tempfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,7 @@ class Ledger:
 
         self._guard(write)
 
-    def _guard(self, act: Any) -> None:
+    def _guard(self, act: Callable[[], object]) -> None:
         try:
             act()
         except OSError as error:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
 
 from wmr_afl.campaigns.job import Job, run_block
-from wmr_afl.errors import WmrError
+from wmr_afl.errors import BackendWarning, WmrError
 
 Columns = dict[str, NDArray[Any]]
 Finished = Iterator[tuple[int, Columns]]
@@ -38,23 +39,32 @@ def on_cluster(job: Job, wanted: Wanted, threads: int, scheduler: str) -> Finish
         client = distributed.Client(scheduler, timeout=ANSWER, set_as_default=False)
     except (*gone, ValueError) as error:
         raise WmrError(f"no scheduler answers at {scheduler} ({_first_line(error)}); start one there") from None
-    lost = (*gone, distributed.client.CancelledError, distributed.client.FutureCancelledError)
     with client:
+        if not client.nthreads():
+            warnings.warn(f"the scheduler at {scheduler} has no workers yet; waiting", BackendWarning, stacklevel=2)
         futures = {client.submit(run_block, job, block, count, threads, pure=False): block for block, count in wanted}
         try:
             for future in distributed.as_completed(list(futures), loop=client.loop):
+                if future.status == "error":
+                    raise _told(future.exception(), futures[future])
                 yield futures[future], future.result()
                 future.release()
-        except lost as error:
-            raise WmrError(
-                f"the scheduler at {scheduler} was lost ({_first_line(error)}); finished blocks are kept"
-            ) from None
-        except ModuleNotFoundError as error:
-            raise WmrError(f"a worker has no {error.name}; install wmr-afl there") from None
-        except distributed.scheduler.KilledWorker:
-            raise WmrError("a block's workers died again and again; look at their memory") from None
+        except (*gone, distributed.client.CancelledError, distributed.client.FutureCancelledError) as error:
+            cause = _first_line(error)
+            raise WmrError(f"the scheduler at {scheduler} was lost ({cause}); finished blocks are kept") from None
         finally:
             client.cancel(list(futures), force=True)
+
+
+def _told(error: BaseException, block: int) -> WmrError:
+    """What went wrong at a worker."""
+    if isinstance(error, WmrError):
+        return error
+    if isinstance(error, ModuleNotFoundError):
+        return WmrError(f"a worker has no {error.name}; install wmr-afl there as it is here")
+    if type(error).__name__ == "KilledWorker":
+        return WmrError(f"workers died on block {block} again and again; look at their memory and logs")
+    return WmrError(f"a worker failed on block {block} ({type(error).__name__}: {_first_line(error)}); look at its log")
 
 
 def _first_line(error: BaseException) -> str:

@@ -20,8 +20,13 @@ from wmr_afl.errors import BackendWarning, CompilerError
 # twice. Nobody looks at errno or at floating point exceptions; without saying so, loops with comparisons are not
 # vectorized. Only loops over robots shall be: vectors made of one robot's numbers make it twice as slow.
 FLAGS = (
-    *("-O3", "-march=native", "-mprefer-vector-width=512", "-std=c11", "-fPIC", "-shared", "-w"),
+    *("-O3", "-std=c11", "-fPIC", "-shared", "-w"),
     *("-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math", "-fno-tree-slp-vectorize"),
+    *(
+        ("-march=native", "-mprefer-vector-width=512")
+        if platform.machine().lower() in ("x86_64", "amd64", "i686")
+        else ("-mcpu=native",)
+    ),
 )
 
 

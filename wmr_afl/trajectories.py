@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +40,10 @@ def recording(path: Path, loop: ClosedLoop, times: Numbers, count: int) -> Itera
         "estimate": [f"{name} [{unit}]" for name, unit in model.base_parameter_units.items()],
     }
     unfinished = path.with_name(f"{path.name}.part")
+    file = None
     try:
-        with h5py.File(unfinished, "w") as file:
+        with _told(path):
+            file = h5py.File(unfinished, "w")
             file.attrs["model"] = model.name
             file.create_dataset("time", data=times)
             for signal, dataset in DATASETS.items():
@@ -50,15 +52,28 @@ def recording(path: Path, loop: ClosedLoop, times: Numbers, count: int) -> Itera
                 made = file.create_dataset(dataset, (count, len(times), size), "f8", chunks=chunk if size else None)
                 made.attrs["names"] = names[dataset]
 
-            def record(robots: slice, samples: slice, rows: Numbers) -> None:
+        def record(robots: slice, samples: slice, rows: Numbers) -> None:
+            with _told(path):
                 for signal, dataset in DATASETS.items():
                     file[dataset][robots, samples] = np.moveaxis(rows[:, places[signal]], 2, 0)
 
-            yield record
-        os.replace(unfinished, path)
-    except OSError as error:
-        libraries_own = re.search(r"error message = '([^']*)'", str(error))  # HDF5 tells it among much else
-        told = libraries_own[1] if libraries_own else error.strerror or str(error).splitlines()[0]
-        raise WmrError(f"{path}: cannot be written ({told}); name a writable place with room") from None
+        yield record
+        with _told(path):
+            file.close()
+            os.replace(unfinished, path)
     finally:
+        if file is not None:
+            with suppress(OSError, RuntimeError):  # of a disk that is full, which was told
+                file.close()
         unfinished.unlink(missing_ok=True)
+
+
+@contextmanager
+def _told(path: Path) -> Iterator[None]:
+    """A disk that fails, in one line; HDF5 tells of some failures as RuntimeError and says much else besides."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        cause = re.search(r"error message = '([^']*)'", str(error))
+        told = cause[1] if cause else getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise WmrError(f"{path}: cannot be written ({told}); name a writable place with room") from None

@@ -27,7 +27,7 @@ class BatchResult:
     largest_error: Numbers  # (N, n-m)
     largest_input: Numbers  # (N, n_u) [V]
     largest_estimate: Numbers  # (N,)
-    final_state: Numbers  # (N, 2n-m)
+    final_state: Numbers  # (N, 2n-m), where the last sample leads to
     failure_time: Numbers  # (N,) [s], NaN where none
 
     @property

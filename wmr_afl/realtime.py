@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -45,7 +46,7 @@ class Controller:
         self._limits = np.full(self._inputs, np.inf) if limits is None else np.asarray(limits, dtype=float)
         if self._limits.shape != (self._inputs,) or not np.all(self._limits > 0):
             raise ShapeError(f"limits are {limits!r}; expected {self._inputs} positive voltages")
-        self._x, self._t, self._out = np.zeros(self._states), np.zeros(1), np.zeros(self._inputs + 1)
+        self._x, self._t, self._out = np.zeros(self._states), np.zeros(1), np.zeros(self._inputs + 2)
         self._now = self._before = Layout(law.states).pack(law.states)
         self._run = self._compiled_if_possible(self._traced())
 
@@ -72,10 +73,10 @@ class Controller:
             raise ShapeError(f"x has shape {measured.shape}; expected ({self._states},): {names}")
         self._x[:], self._t[0], self._before[:] = measured, t, self._now
         self._run()
-        if not self._out[-1] > 0.0:
+        if not (self._out[-1] > 0.0 and isfinite(self._out[-2])):
             self._now[:] = self._before
-            raise SimulationError(f"at t = {t:g} s Dhat is singular or not finite")
-        return self._out[:-1].copy()
+            raise SimulationError(f"at t = {t} s Dhat is singular, or x, t or what follows from them is not finite")
+        return self._out[:-2].copy()
 
     @property
     def estimate(self) -> Numbers:
@@ -89,7 +90,7 @@ class Controller:
     def _compiled_if_possible(self, step: ca.Function) -> Callable[[], None]:
         """A call that advances the law's state, where `_before` holds it too, from t and x, and leaves the inputs."""
         try:
-            kernel = Kernel(step, Watched(regularity=self._inputs), logged=True)
+            kernel = Kernel(step, Watched(regularity=self._inputs + 1), logged=True)
         except CompilerError:
             self._before = self._now.copy()
             return bind(step, (self._before, self._t, self._x, np.zeros(0)), (self._now, self._out))
@@ -98,7 +99,7 @@ class Controller:
         return kernel.bound(block, self._t, self._x, held, self._out)
 
     def _traced(self) -> ca.Function:
-        """(state of the law, t, x, nothing) -> (next state of the law, [u, regularity])."""
+        """(state of the law, t, x, nothing) -> (next state of the law, [u, a sum of all, regularity])."""
         language, states = Language.of(self.model, "casadi"), Layout(self.law.states)
         k = SimpleNamespace(**{name: ca.DM(value) for name, value in self.law.values.items()})
         flat, t, x = ca.SX.sym("z", states.size), ca.SX.sym("t"), ca.SX.sym("x", self._states)
@@ -106,6 +107,7 @@ class Controller:
         action = self.law.act(x, self.reference.at(t), z, k, language)
         applied = ca.fmin(ca.fmax(action.input, -self._limits), self._limits)
         following = self.law.update(x, action, applied, z, k, self.sample_time, language)
-        out = ca.vertcat(applied, action.regularity)
-        outputs = ca.cse([ca.densify(states.pack_symbols(following)), ca.densify(out)])
+        after = states.pack_symbols(following)
+        total = t + ca.sum1(x) + ca.sum1(action.input) + ca.sum1(after)  # finite only where all of these are
+        outputs = ca.cse([ca.densify(after), ca.densify(ca.vertcat(applied, total, action.regularity))])
         return ca.Function("controller", [flat, t, x, ca.SX.sym("none", 0)], outputs)

@@ -184,6 +184,17 @@ def test_blocks_of_another_campaign_are_never_taken(short: Path, tmp_path: Path)
         wmr_afl.campaign(short, 100, out)
 
 
+def test_a_block_that_is_not_this_campaigns_is_run_again(short: Path, tmp_path: Path) -> None:
+    """Also where somebody has removed the note, or copied a block over another."""
+    out = tmp_path / "out"
+    wmr_afl.campaign(short, 2 * BLOCK, out)
+    (out / "block_000001.npz").write_bytes((out / "block_000000.npz").read_bytes())
+    same(wmr_afl.campaign(short, 2 * BLOCK, out), wmr_afl.campaign(short, 2 * BLOCK))
+    (out / "campaign.json").unlink()
+    short.write_text(short.read_text().replace("b1 = 2.0", "b1 = 2.1"))
+    same(wmr_afl.campaign(short, 2 * BLOCK, out), wmr_afl.campaign(short, 2 * BLOCK))
+
+
 def test_a_robot_of_a_users_own_runs_in_a_campaign(tmp_path: Path) -> None:
     """Its model travels with the job."""
     (tmp_path / "mine").mkdir()

@@ -69,6 +69,12 @@ def test_what_cannot_be_controlled_is_told_and_changes_nothing(
     with pytest.raises(SimulationError, match="not finite"):
         controller.update(0.0, [np.nan] * 5)
     np.testing.assert_array_equal(controller.estimate, before)
+    for bad in ([15.0, 25.0, 0.0, np.nan, 0.0], [np.inf, 25.0, 0.0, 0.0, 0.0], [15.0, 25.0, 0.0, 1e200, 0.0]):
+        with pytest.raises(SimulationError, match="not finite"):
+            controller.update(0.0, bad)
+    with pytest.raises(SimulationError, match="not finite"):
+        controller.update(np.nan, [15.0, 25.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(controller.estimate, before)
     with pytest.raises(ShapeError, match=r"expected \(5,\): x, y, phi, v, omega"):
         controller.update(0.0, [0.0] * 3)
     with pytest.raises(UnknownNameError, match="AFL"):

@@ -16,11 +16,13 @@ from wmr_afl.assembly import assemble
 from wmr_afl.batch import advance_all
 from wmr_afl.campaigns.draws import BLOCK, draws, noise_seeds
 from wmr_afl.closed_loop import ClosedLoop, Layout
+from wmr_afl.compiled.kernel import Kernel as CompiledKernel
 from wmr_afl.compiled.kernel import kernel_text
-from wmr_afl.errors import InputError, WmrError
+from wmr_afl.errors import InputError, UnknownNameError, WmrError
 from wmr_afl.experiment import Experiment
+from wmr_afl.kernels import KERNELS
 from wmr_afl.loading import load_experiment
-from wmr_afl.lockstep import LANES, watched_signals
+from wmr_afl.lockstep import LANES, kernel_of, watched_signals
 from wmr_afl.mistakes import mistakes_at
 from wmr_afl.model_files import is_shipped
 from wmr_afl.schema.campaign import CampaignTable
@@ -47,6 +49,8 @@ def prepare(experiment: str | Path, controller: str | None = None, backend: str 
 
     Raises: InputError, UnknownNameError.
     """
+    if backend not in KERNELS:
+        raise UnknownNameError("backend of a campaign", str(backend), KERNELS)
     loaded = load_experiment(experiment)
     told, path, table = loaded.told, loaded.path, loaded.told.campaign
     if table is None:
@@ -61,6 +65,8 @@ def prepare(experiment: str | Path, controller: str | None = None, backend: str 
     files = {}
     if not is_shipped(loop.model.folder):
         files = {file.name: file.read_text(encoding="utf-8") for file in sorted(loop.model.folder.glob("*model.*"))}
+    if backend == "auto":  # one way for all blocks, whoever runs them
+        backend = "compiled" if isinstance(kernel_of(loop, "auto", False), CompiledKernel) else "casadi"
     job = Job(told, table, name, files, backend, _fingerprint(told, table, name, loop, backend))
     with mistakes_at(path, "[campaign]"):
         variation_of(job, loop, 0, BLOCK)

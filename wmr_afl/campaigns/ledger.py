@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 import json
 import os
-import tempfile
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,8 @@ from wmr_afl.errors import WmrError
 
 Columns = dict[str, NDArray[Any]]
 
+_IDENTITY = "of campaign and block"  # in every file of a block
+
 
 class Ledger:
     """The blocks that are finished of the campaign with this fingerprint.
@@ -26,7 +26,7 @@ class Ledger:
     """
 
     def __init__(self, folder: Path, fingerprint: str) -> None:
-        self.folder, self._note = folder, folder / "campaign.json"
+        self.folder, self.fingerprint, self._note = folder, fingerprint, folder / "campaign.json"
         self._guard(lambda: folder.mkdir(parents=True, exist_ok=True))
         if self._note.exists():
             try:
@@ -46,7 +46,9 @@ class Ledger:
         try:
             with np.load(io.BytesIO(self._place(block).read_bytes()), allow_pickle=False) as file:
                 columns = {name: file[name] for name in file.files}
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+            if str(columns.pop(_IDENTITY)) != f"{self.fingerprint}:{block}":
+                return None
+        except Exception:  # whatever a damaged file may bring about
             return None
         enough = bool(columns) and all(len(column) >= count for column in columns.values())
         return {name: column[:count] for name, column in columns.items()} if enough else None
@@ -57,7 +59,8 @@ class Ledger:
         Raises: WmrError, where there is no room.
         """
         content = io.BytesIO()
-        np.savez(content, **columns)  # type: ignore[arg-type]
+        identity = np.array(f"{self.fingerprint}:{block}")
+        np.savez(content, **columns, **{_IDENTITY: identity})  # type: ignore[arg-type]
         self._write(self._place(block), content.getvalue())
 
     def _place(self, block: int) -> Path:
@@ -67,15 +70,15 @@ class Ledger:
         """Beside the target, to the disk, and then in its place at once."""
 
         def write() -> None:
-            handle, name = tempfile.mkstemp(dir=self.folder, prefix=".unfinished-")
+            name = self.folder / f".unfinished-{os.getpid()}-{path.name}"
             try:
-                with os.fdopen(handle, "wb") as file:
+                with open(name, "wb") as file:
                     file.write(content)
                     file.flush()
                     os.fsync(file.fileno())
                 os.replace(name, path)
             except BaseException:
-                Path(name).unlink(missing_ok=True)
+                name.unlink(missing_ok=True)
                 raise
 
         self._guard(write)

@@ -108,7 +108,11 @@ def _binned(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Middle of each bin, its success rate [%], and how far the bounds lie below and above."""
     places, rates, bounds = [], [], []
-    for part in np.array_split(np.argsort(column, kind="stable"), min(BINS, len(column))):
+    values = np.unique(column)
+    parts = np.array_split(np.argsort(column, kind="stable"), BINS)
+    if len(values) <= BINS:  # of a choice: one point for each
+        parts = [np.flatnonzero(column == value) for value in values]
+    for part in parts:
         rate, low, high = wilson(int(np.count_nonzero(succeeded[part])), len(part), 0.95)
         places.append(np.median(column[part]))
         rates.append(100.0 * rate)

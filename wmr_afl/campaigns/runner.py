@@ -85,7 +85,7 @@ def replay(experiment: str | Path, index: int, controller: str | None = None, ba
     """
     if not 0 <= index < MOST_RUNS:
         raise WmrError(f"there is no run {index}; runs are counted from 0")
-    job = prepare(experiment, controller, backend)
+    job = prepare(experiment, controller)
     loop, (block, row) = loop_of(job), divmod(index, BLOCK)
     robot = variation_of(job, loop, block, BLOCK)[1].block(slice(row, row + 1), 1)
     return simulate(loop, job.told.simulation.duration, f"{job.controller}, run {index}", backend, robot=robot)

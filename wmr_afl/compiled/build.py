@@ -52,11 +52,20 @@ def library(text: str) -> ctypes.CDLL:
     """
     folder, key = _cache(), _key(text)
     for path in sorted(folder.glob(f"{key}-*.so")):
-        if path.stem.partition("-")[2] == _digest(path.read_bytes()):
-            return ctypes.CDLL(str(path))
+        if path.is_file() and path.stem.partition("-")[2] == _digest(path.read_bytes()):
+            return _loaded(path)
         warnings.warn(f"{path} was damaged; it is built again", BackendWarning, stacklevel=2)
+        if path.is_file() or path.is_symlink():
+            path.unlink(missing_ok=True)
+    return _loaded(_build(text, folder, key))
+
+
+def _loaded(path: Path) -> ctypes.CDLL:
+    try:
+        return ctypes.CDLL(str(path))
+    except OSError as error:
         path.unlink(missing_ok=True)
-    return ctypes.CDLL(str(_build(text, folder, key)))
+        raise CompilerError(f"{path}: what the compiler made cannot be loaded ({error}); {ELSE}") from None
 
 
 def _key(text: str) -> str:
@@ -71,7 +80,10 @@ def _digest(content: bytes) -> str:
 def _identity() -> tuple[str, ...]:
     """What machine code depends on besides its text: compiler and processor."""
     command = _needed_compiler()
-    version = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout  # noqa: S603
+    try:
+        version = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout  # noqa: S603
+    except OSError as error:
+        raise CompilerError(f"{command[0]} cannot be run ({error.strerror}); {ELSE}") from None
     try:
         processor = next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
     except (OSError, StopIteration):

@@ -17,11 +17,11 @@ from benchmarks import tables
 from benchmarks.cluster import ROOT, Cluster
 from benchmarks.targets import Target
 from benchmarks.timing import best_times
-from wmr_afl.campaigns.draws import BLOCK
-from wmr_afl.closed_loop import sample_times
-from wmr_afl.loading import load_experiment
-from wmr_afl.lockstep import LANES, kernel_of
-from wmr_afl.variation import nominal
+from wmr_afl.experiments.distributions import BLOCK
+from wmr_afl.experiments.load import load_experiment
+from wmr_afl.simulation.batch import LANES, kernel_of
+from wmr_afl.simulation.closed_loop import sample_times
+from wmr_afl.simulation.ensemble import nominal
 
 RUNS = 100_000
 WORKERS = (1, 2)

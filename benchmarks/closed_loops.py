@@ -24,7 +24,7 @@ from benchmarks.contest import Result, hold
 from benchmarks.first_run import first_runs
 from benchmarks.real_time import update_times
 from benchmarks.targets import Target
-from wmr_afl.experiment import read_experiment
+from wmr_afl.experiments.experiment import read_experiment
 
 ROBOTS = 1024
 SHORT = 7.0  # [s], 7001 samples of 1 ms

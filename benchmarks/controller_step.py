@@ -8,10 +8,10 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.timing import best_times
-from wmr_afl.assembly import assemble
-from wmr_afl.experiment import read_experiment
-from wmr_afl.language import Language
-from wmr_afl.simulation import simulate
+from wmr_afl.experiments.assembly import assemble
+from wmr_afl.experiments.experiment import read_experiment
+from wmr_afl.model.model import Language
+from wmr_afl.simulation.simulate import simulate
 
 
 def measure() -> Table:

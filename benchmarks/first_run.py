@@ -11,9 +11,9 @@ from tempfile import TemporaryDirectory
 SCRIPT = """
 import sys, time
 import casadi, numpy, wmr_afl
-from wmr_afl.assembly import assemble
-from wmr_afl.experiment import read_experiment
-from wmr_afl.simulation import simulate
+from wmr_afl.experiments.assembly import assemble
+from wmr_afl.experiments.experiment import read_experiment
+from wmr_afl.simulation.simulate import simulate
 told, path = read_experiment("study_1")
 loop = assemble(told, path)["AFL"]
 before = time.perf_counter()

@@ -23,12 +23,12 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.tables import in_markdown, in_terminal, replace_between
+from derive.codegen.module import operation_count
+from derive.codegen.quantities import quantities
+from derive.codegen.write import generate_one, write
 from derive.derivation import derive_robot
-from derive.printing.module import operation_count
-from derive.quantities import quantities
-from derive.writing import generate_one, write
-from wmr_afl.laws import LAWS, Situation
-from wmr_afl.plots import COLOURS, new_figure, styled
+from wmr_afl.analysis.plots import COLOURS, new_figure, styled
+from wmr_afl.model.laws import LAWS, Situation
 
 TRACTOR = Path(__file__).parents[1] / "derive" / "robots" / "type_2_0.toml"
 MOST = 8  # trailers

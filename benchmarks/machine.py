@@ -8,7 +8,7 @@ import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from wmr_afl.compiled.build import compiler
+from wmr_afl.simulation.kernels.c_compiler import compiler
 
 PACKAGES = ("numpy", "casadi", "numba", "jax", "control")
 

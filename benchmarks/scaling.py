@@ -25,10 +25,10 @@ from benchmarks.contenders.work import Work, lasting
 from benchmarks.growth import description
 from benchmarks.scaling_plot import draw
 from benchmarks.timing import best_times
-from derive.writing import generate_one, write
-from wmr_afl.experiment import read_experiment
-from wmr_afl.plots import styled
-from wmr_afl.tracing import trace
+from derive.codegen.write import generate_one, write
+from wmr_afl.analysis.plots import styled
+from wmr_afl.experiments.experiment import read_experiment
+from wmr_afl.simulation.closed_loop import trace
 
 ROBOTS = (1, 4, 16, 64, 256, 1024, 4096)
 STEPS = (100, 1_000, 10_000, 50_000)

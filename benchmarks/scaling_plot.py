@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
-from wmr_afl.plots import COLOURS, new_figure, styled
+from wmr_afl.analysis.plots import COLOURS, new_figure, styled
 
 
 class Cost(Protocol):

@@ -11,8 +11,8 @@ from rich.table import Table
 
 from benchmarks import handwritten
 from benchmarks.timing import best_times
+from derive.codegen.quantities import quantities
 from derive.derivation import derive_robot
-from derive.quantities import quantities
 from wmr_afl import load_model
 
 TERMS = ("state_derivative", "lie_f2_h", "lie_q_lie_f_h", "decoupling_matrix", "regressor")

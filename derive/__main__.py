@@ -28,7 +28,7 @@ def derive(
     Nothing is written unless every description is right.
     """
     try:
-        from derive.writing import differences, generate, write  # SymPy is slow to import; --help does not need it
+        from .codegen.write import differences, generate, write  # SymPy is slow to import; --help does not need it
     except ModuleNotFoundError as error:
         typer.echo(f'error: {error.name} is not installed; pip install "wmr-afl[derive]"', err=True)
         raise typer.Exit(2) from None

@@ -10,21 +10,22 @@ from pathlib import Path
 from mpmath.libmp.libhyper import NoConvergence
 from sympy import Expr, Matrix, Symbol
 
-from derive.adaptive_form import AdaptiveForm, adaptive_form
-from derive.constraints import constraint_rows
-from derive.determinant import Determinant, decoupling_determinant
-from derive.dynamics import Dynamics, derive_dynamics
-from derive.exact import NotRepresentable
-from derive.internal_dynamics import InternalDynamics, internal_dynamics
-from derive.kinematics import Kinematics
-from derive.linearization import Linearization, linearize
-from derive.mobility import Mobility, classify
-from derive.pseudo_velocities import choose_kinematics
-from derive.resolving import read_robot
-from derive.robot import Robot
-from derive.separation import Parameters
-from derive.terms import Terms
 from wmr_input import InputError
+
+from .algebra.finite_field import NotRepresentable
+from .algebra.named_terms import Terms
+from .algebra.separation import Parameters
+from .control.adaptive_form import AdaptiveForm, adaptive_form
+from .control.decoupling_determinant import Determinant, decoupling_determinant
+from .control.internal_dynamics import InternalDynamics, internal_dynamics
+from .control.linearization import Linearization, linearize
+from .description.resolve import read_robot
+from .description.robot import Robot
+from .mechanics.constraints import constraint_rows
+from .mechanics.dynamics import Dynamics, derive_dynamics
+from .mechanics.kinematics import Kinematics
+from .mechanics.mobility import Mobility, classify
+from .mechanics.pseudo_velocities import choose_kinematics
 
 Progress = Callable[[str], None]
 

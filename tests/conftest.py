@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from derive.derivation import Derivation, derive_robot
-from wmr_afl.laws import Situation
+from wmr_afl.model.laws import Situation
 
 ROOT = Path(__file__).parents[1]
 DESCRIPTIONS = {path.stem: path for path in sorted((ROOT / "derive" / "robots").glob("*.toml"))}
+EXPERIMENTS = ROOT / "wmr_afl" / "experiments" / "catalogue"
 ROBOTS = list(DESCRIPTIONS)
 
 

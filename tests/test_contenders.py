@@ -18,8 +18,8 @@ from benchmarks.contenders import (
 )
 from benchmarks.contenders.agreement import TOLERANCE, deviation
 from benchmarks.contenders.work import Work, lasting
-from wmr_afl.compiled.build import compiler
-from wmr_afl.experiment import read_experiment
+from wmr_afl.experiments.experiment import read_experiment
+from wmr_afl.simulation.kernels.c_compiler import compiler
 
 SAMPLES = 500
 COMPILED = {"literal", "best", "casadi_generated"}

@@ -5,9 +5,9 @@ from typing import Any, get_args
 import pytest
 from pydantic import BaseModel
 
-from derive.description import RobotDescription
+from derive.description.tables import RobotDescription
 from tests.conftest import ROOT
-from wmr_afl.experiment import Experiment
+from wmr_afl.experiments.experiment import Experiment
 
 
 def keys(annotation: Any) -> set[str]:

@@ -11,7 +11,7 @@ WITHOUT_SYMPY = """
 import sys
 for name in ("sympy",):
     sys.modules[name] = None  # importing it now raises ImportError
-import wmr_afl, wmr_afl.cli, wmr_afl.figures, wmr_afl.plots
+import wmr_afl, wmr_afl.cli, wmr_afl.analysis.paper.figures, wmr_afl.analysis.plots
 for name in wmr_afl.list_models():
     for backend in ("numpy", "casadi"):
         model = wmr_afl.load_model(name, backend)

@@ -6,8 +6,6 @@ result = wmr_afl.run("study_1")
 result["AFL"].rms(since=100.0)
 """
 
-from wmr_afl.batch import BatchResult, run_batch
-from wmr_afl.campaigns import CampaignResult, campaign, replay
 from wmr_afl.errors import (
     BackendWarning,
     CompilerError,
@@ -18,13 +16,19 @@ from wmr_afl.errors import (
     UnknownNameError,
     WmrError,
 )
-from wmr_afl.experiment import list_experiments
-from wmr_afl.model import Model, load_model
-from wmr_afl.model_files import list_models
-from wmr_afl.realtime import Controller
-from wmr_afl.run import Failure, Run
-from wmr_afl.running import run
-from wmr_afl.simulation import SimulationWarning
+from wmr_afl.experiments.campaigns import CampaignResult, campaign, replay
+from wmr_afl.experiments.experiment import list_experiments
+from wmr_afl.experiments.realtime import Controller
+from wmr_afl.experiments.run import run, run_batch
+from wmr_afl.model.derivation import derive
+from wmr_afl.model.files import list_models
+from wmr_afl.model.model import Model, load_model
+from wmr_afl.model.packages import generated as _generated
+from wmr_afl.simulation.batch import BatchResult
+from wmr_afl.simulation.result import Failure, Run
+from wmr_afl.simulation.simulate import SimulationWarning
+
+generated = _generated()
 
 __all__ = [
     "BackendWarning",
@@ -43,6 +47,8 @@ __all__ = [
     "UnknownNameError",
     "WmrError",
     "campaign",
+    "derive",
+    "generated",
     "list_experiments",
     "list_models",
     "load_model",

@@ -28,7 +28,7 @@ class UnknownNameError(WmrError, LookupError):
         listed = ", ".join(names) if names else "none"
         near = nearest(str(name), names)
         remedy = f"there is {listed}" if near is None else f"did you mean {near!r}? (there is {listed})"
-        super().__init__(f"unknown {kind} {name!r}; {remedy}")
+        super().__init__(f"unknown {kind} {name!r}", remedy)
 
 
 class MissingTermError(WmrError, AttributeError):

@@ -1,31 +1,77 @@
 """The exception family: every error that a user can cause derives from `WmrError`."""
 
+from __future__ import annotations
+
 import difflib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 
 class WmrError(Exception):
-    """Base of every error this project raises on purpose. Its text says where, what, and what would be right."""
+    """Base of every error this project raises on purpose: what is wrong, and what would be right.
+
+    The two are kept apart, so that whoever knows more, such as the place in a file, adds it without reading text.
+    """
+
+    def __init__(self, problem: str, remedy: str = "") -> None:
+        super().__init__()
+        self.problem, self.remedy = problem, remedy
+
+    def __str__(self) -> str:
+        return f"{self.problem}; {self.remedy}" if self.remedy else self.problem
+
+    def __reduce__(self) -> tuple[Callable[..., WmrError], tuple[Any, ...]]:
+        """Errors travel between processes whatever their constructors take."""
+        return _restored, (type(self), self.__dict__)
+
+
+def _restored(kind: type[WmrError], content: dict[str, Any]) -> WmrError:
+    error = kind.__new__(kind)
+    error.__dict__.update(content)
+    return error
 
 
 class InputError(WmrError):
-    """A mistake in a file that a person wrote.
-
-    Its text has one line a mistake: `file: place: problem; remedy`.
-    """
+    """A mistake in a file that a person wrote: `file: place: problem; remedy`."""
 
     def __init__(self, file: str, place: str, problem: str, remedy: str = "") -> None:
-        where = ": ".join(part for part in (file, place) if part)
-        super().__init__(f"{where}: {problem}" + (f"; {remedy}" if remedy else ""))
+        super().__init__(problem, remedy)
+        self.file, self.place = file, place
 
-    @classmethod
-    def together(cls, mistakes: list["InputError"]) -> "InputError":
-        """One error out of several, a line each."""
-        if len(mistakes) == 1:
-            return mistakes[0]
-        error = cls.__new__(cls)
-        Exception.__init__(error, "\n".join(str(mistake) for mistake in mistakes))
-        return error
+    def __str__(self) -> str:
+        return ": ".join(part for part in (self.file, self.place, super().__str__()) if part)
+
+
+class InputErrors(InputError):
+    """Several mistakes in one file, a line each."""
+
+    def __init__(self, mistakes: Sequence[InputError]) -> None:
+        first = mistakes[0]
+        super().__init__(first.file, first.place, first.problem, first.remedy)
+        self.mistakes = tuple(mistakes)
+
+    def __str__(self) -> str:
+        return "\n".join(str(mistake) for mistake in self.mistakes)
+
+
+class FieldError(WmrError, ValueError):
+    """A value that does not fit its place in a table; raised where tables are validated, which know their place."""
+
+
+@contextmanager
+def mistakes_at(file: str | Path, place: str) -> Iterator[None]:
+    """Errors inside are mistakes at `place` of `file`.
+
+    Raises: InputError.
+    """
+    try:
+        yield
+    except InputError:
+        raise
+    except WmrError as error:
+        raise InputError(str(file), place, error.problem, error.remedy) from None
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:

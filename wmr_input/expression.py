@@ -24,11 +24,7 @@ HIGHEST_EXPONENT = 30  # decimal exponent of one literal; products of a few stay
 
 
 class ExpressionError(WmrError):
-    """A text that is not arithmetic over the declared names: `problem` and `remedy`, without the place."""
-
-    def __init__(self, problem: str, remedy: str = "") -> None:
-        self.problem, self.remedy = problem, remedy
-        super().__init__(problem + (f"; {remedy}" if remedy else ""))
+    """A text that is not arithmetic over the declared names."""
 
 
 @dataclass(frozen=True)

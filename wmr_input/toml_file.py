@@ -7,7 +7,7 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from wmr_input.errors import InputError, closest, nearest
+from wmr_input.errors import FieldError, InputError, InputErrors, closest, nearest
 
 LARGEST_FILE = 200_000  # bytes
 DEEPEST_TABLE = 20
@@ -56,7 +56,7 @@ def validate(data: dict[str, Any], schema: type[Schema], file: str) -> Schema:
     except ValidationError as error:
         details = _without_misspelt(error.errors(include_url=False), schema)
         mistakes = [InputError(file, place(one["loc"], data), *_explained(one, schema)) for one in details]
-        raise InputError.together(mistakes) from None
+        raise (mistakes[0] if len(mistakes) == 1 else InputErrors(mistakes)) from None
 
 
 def place(location: tuple[int | str, ...], data: Any) -> str:
@@ -108,8 +108,8 @@ def _explained(error: ErrorDetails, schema: type[BaseModel]) -> tuple[str, str]:
     if kind == "missing":
         return f"missing {key!r}", f"add {key} = ..."
     if kind == "value_error":
-        problem, _, remedy = str(context["error"]).partition("; ")
-        return problem, remedy
+        wrong = context["error"]
+        return (wrong.problem, wrong.remedy) if isinstance(wrong, FieldError) else (str(wrong), "")
     if kind == "string_too_short":
         return "is empty", "write an expression or a name"
     if kind == "string_too_long":

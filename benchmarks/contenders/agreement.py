@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.contenders.work import LOGGED, Numbers, Summary, Work, split
-from wmr_afl.run import Run
+from wmr_afl.simulation.result import Run
 
 TOLERANCE = 1e-9
 

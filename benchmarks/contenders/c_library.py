@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.contenders.study_1 import ERRORS, PLANT, SIGNALS, STATES, numbers
 from benchmarks.contenders.work import Numbers, Summary, Work
-from wmr_afl.compiled.build import library
+from wmr_afl.simulation.kernels.c_compiler import library
 
 
 def one(work: Work, *files: str, width: int = 1) -> Callable[[], Numbers]:

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.contenders.work import LOGGED, Numbers, Summary, Work, places
-from wmr_afl.compiled.build import library
-from wmr_afl.tracing import trace
+from wmr_afl.simulation.closed_loop import trace
+from wmr_afl.simulation.kernels.c_compiler import library
 
 
 def one(work: Work) -> Callable[[], Numbers]:

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.contenders.work import LOGGED, Numbers, Summary, Work, places
-from wmr_afl.tracing import trace
+from wmr_afl.simulation.closed_loop import trace
 
 
 def one(work: Work) -> Callable[[], Numbers]:

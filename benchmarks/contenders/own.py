@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import wmr_afl
 from benchmarks.contenders.work import Summary, Work
-from wmr_afl.run import Run
-from wmr_afl.simulation import simulate
+from wmr_afl.simulation.result import Run
+from wmr_afl.simulation.simulate import simulate
 
 
 def one(work: Work, backend: str = "compiled") -> Callable[[], Run]:

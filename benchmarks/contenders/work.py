@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wmr_afl.assembly import assemble
-from wmr_afl.closed_loop import ClosedLoop
-from wmr_afl.experiment import Experiment, read_experiment
+from wmr_afl.experiments.assembly import assemble
+from wmr_afl.experiments.experiment import Experiment, read_experiment
+from wmr_afl.simulation.closed_loop import ClosedLoop
 
 Numbers = NDArray[np.float64]
 LOGGED = ("x", "u", "e", "theta_hat")  # signals of a trajectory, one row a sample

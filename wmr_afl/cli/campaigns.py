@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
+from rich.console import RenderableType
+from rich.markup import escape
+from rich.table import Table
 
-from wmr_afl.cli.running import print_metrics
+from wmr_afl.analysis import plots
+from wmr_afl.cli.progress import print_metrics
 from wmr_afl.cli.terminal import Experiment, Out, app, console, progress_bar, reporting, say
+from wmr_afl.experiments.campaigns.result import LEVELS, CampaignResult
 
 
 @app.command()
@@ -28,10 +35,11 @@ def campaign(
     ] = None,
 ) -> None:
     """Run an experiment many times as its campaign table draws; tell success, quantiles and worst runs; can go on."""
-    from wmr_afl.campaigns import campaign, report
-    from wmr_afl.experiment import file_name
-    from wmr_afl.loading import load_experiment
-    from wmr_afl.results import check_writable
+    from wmr_afl.analysis import campaign_plots
+    from wmr_afl.analysis.files import check_writable
+    from wmr_afl.experiments.campaigns import campaign
+    from wmr_afl.experiments.experiment import file_name
+    from wmr_afl.experiments.load import load_experiment
 
     with reporting():
         loaded = load_experiment(experiment)
@@ -54,17 +62,16 @@ def campaign(
                 f"interrupted: {finished} finished blocks are kept in {folder}; the same command goes on", err=True
             )
             raise typer.Exit(130) from None
-        files = report.write(result, folder)
-    for part in report.tables(result):
+        files = campaign_plots.write(result, folder)
+    for part in tables(result):
         console.print(part, highlight=False)
     say(f"{', '.join(file.name for file in files)} in {folder}")
 
 
 def _replay(experiment: str, index: int, controller: str | None, backend: str, folder: Path) -> None:
-    from wmr_afl import plots
-    from wmr_afl.campaigns import replay
-    from wmr_afl.experiment import file_name
-    from wmr_afl.results import write_results
+    from wmr_afl.analysis.files import write_results
+    from wmr_afl.experiments.campaigns import replay
+    from wmr_afl.experiments.experiment import file_name
 
     run = replay(experiment, index, controller, backend)
     files = write_results({run.controller: run}, folder)
@@ -72,3 +79,26 @@ def _replay(experiment: str, index: int, controller: str | None, backend: str, f
         files += plots.save(figure, folder / file_name(name))
     print_metrics(f"run {index}", {run.controller: run})
     say(f"{len(files)} files in {folder}")
+
+
+SHOWN = 5  # worst runs in the terminal
+
+
+def tables(result: CampaignResult) -> Iterator[RenderableType]:
+    """Success, quantiles and the worst runs."""
+    rate, low, high = result.success_rate()
+    bounds = [f"{name} at most {bound:g}" for name, bound in vars(result.criteria).items() if bound is not None]
+    meaning = ", ".join(["did not fail", *bounds])
+    yield f"{len(result)} runs of {escape(result.controller)}, seed {result.seed}"
+    yield f"success ({meaning}): {rate:.2%}, with 95 % confidence {low:.2%} to {high:.2%}"
+    quantiles = Table("", *(f"{level:.0%}" for level in LEVELS), box=None, header_style="bold")
+    for name, row in result.quantiles().items():
+        quantiles.add_row(escape(name), *(f"{value:.3g}" if np.isfinite(value) else "failed" for value in row))
+    yield quantiles
+    worst = Table("worst runs", "what it came to", "what it drew", box=None, header_style="bold")
+    for index in result.worst(SHOWN):
+        told = result.told(index)
+        error = max(result.runs.rms[index])
+        came = f"RMS error {error:.3g}" if told["failed_at"] is None else f"failed at {told['failed_at']:g} s"
+        worst.add_row(str(index), came, ", ".join(f"{name} = {value:.4g}" for name, value in told["drawn"].items()))
+    yield worst

@@ -8,11 +8,11 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from derive.__main__ import derive
 from wmr_afl.cli.terminal import app, console, reporting
-from wmr_afl.experiment import list_experiments
-from wmr_afl.model import load_model
-from wmr_afl.model_files import list_models
+from wmr_afl.experiments.experiment import list_experiments
+from wmr_afl.model.files import list_models
+from wmr_afl.model.model import load_model
+from wmr_afl.model.packages import derivation
 
 
 @app.command()
@@ -41,8 +41,8 @@ def show(
     """Tell what was found out about a robot, or what a closed loop computes."""
     with reporting():
         if loop or code or controller is not None:
-            from wmr_afl.loading import load_experiment
-            from wmr_afl.show_loop import describe_loop, loop_text
+            from wmr_afl.cli.show import describe_loop, loop_text
+            from wmr_afl.experiments.load import load_experiment
 
             loaded = load_experiment(name)
             chosen = loaded.name(controller)
@@ -52,19 +52,27 @@ def show(
             for part in describe_loop(loaded.loops[chosen], chosen):
                 console.print(part, highlight=False)
             return
-        from wmr_afl.show import describe
+        from wmr_afl.cli.show import describe
 
         for part in describe(load_model(name)):
             console.print(part, highlight=False)
 
 
-app.command()(derive)
+@app.command(
+    add_help_option=False,
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []},
+)
+def derive(context: typer.Context) -> None:
+    """Derive robots from their descriptions and generate NumPy and CasADi models (needs the extra 'derive')."""
+    with reporting():
+        command_line = derivation("__main__").app
+    command_line(context.args, prog_name=context.command_path)
 
 
 @app.command()
 def check(model: Annotated[str, typer.Argument(help="A shipped model, or a folder that derive has written.")]) -> None:
     """Check that a model obeys every law: mechanics, linearization, base parameters, code; exit with 1 where not."""
-    from wmr_afl.laws import LAWS, Situation
+    from wmr_afl.model.laws import LAWS, Situation
 
     with reporting():
         situation = Situation(model)

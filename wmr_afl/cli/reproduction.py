@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from wmr_afl.cli.running import print_metrics, run_with_progress
+from wmr_afl.cli.progress import print_metrics, run_with_progress
 from wmr_afl.cli.terminal import Backend, Out, app, console, errors, reporting, say
 from wmr_afl.errors import UnknownNameError
-from wmr_afl.run import Run
+from wmr_afl.simulation.result import Run
 
 
 @app.command()
@@ -21,13 +21,13 @@ def reproduce(
     backend: Backend = "auto",
 ) -> None:
     """Draw the paper's figures; without names all of them, and report.html with its claims beside what was measured."""
-    from wmr_afl import plots
-    from wmr_afl.beyond import beyond
-    from wmr_afl.claims import CLAIMS
-    from wmr_afl.experiment import read_experiment
-    from wmr_afl.figures import FIGURES, draw
-    from wmr_afl.report import write_report
-    from wmr_afl.results import check_writable, write_results
+    from wmr_afl.analysis import plots
+    from wmr_afl.analysis.files import check_writable, write_results
+    from wmr_afl.analysis.paper.claims import CLAIMS
+    from wmr_afl.analysis.paper.figures import FIGURES, draw
+    from wmr_afl.analysis.paper.report import write_report
+    from wmr_afl.analysis.paper.robustness import beyond
+    from wmr_afl.experiments.experiment import read_experiment
 
     with reporting():
         wanted = figures or list(FIGURES)
@@ -54,7 +54,7 @@ def reproduce(
 
 
 def _print_verdicts(studies: dict[str, dict[str, Run]]) -> None:
-    from wmr_afl.claims import CLAIMS
+    from wmr_afl.analysis.paper.claims import CLAIMS
 
     table = Table("study", "the paper's claim", "measured", "verdict")
     for claim in CLAIMS:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from wmr_afl.cli.running import print_metrics, run_with_progress
+from wmr_afl.cli.progress import print_metrics, run_with_progress
 from wmr_afl.cli.terminal import Backend, Experiment, Out, app, progress_bar, reporting, say
 from wmr_afl.errors import WmrError
 
@@ -20,9 +20,9 @@ def simulate(
     controller: Annotated[list[str] | None, typer.Option(help="Run this controller only; may be repeated.")] = None,
 ) -> None:
     """Run an experiment; write its samples, metrics and figures; exit with 1 where a run failed."""
-    from wmr_afl import plots
-    from wmr_afl.experiment import file_name, read_experiment
-    from wmr_afl.results import check_writable, write_results
+    from wmr_afl.analysis import plots
+    from wmr_afl.analysis.files import check_writable, write_results
+    from wmr_afl.experiments.experiment import file_name, read_experiment
 
     with reporting():
         told, path = read_experiment(experiment)
@@ -49,10 +49,10 @@ def animate(
     backend: Backend = "auto",
 ) -> None:
     """Run one controller of an experiment; write an animation of the robot; exit with 1 where the run failed."""
-    from wmr_afl import animation
-    from wmr_afl.experiment import file_name
-    from wmr_afl.loading import load_experiment
-    from wmr_afl.results import check_writable
+    from wmr_afl.analysis import animation
+    from wmr_afl.analysis.files import check_writable
+    from wmr_afl.experiments.experiment import file_name
+    from wmr_afl.experiments.load import load_experiment
 
     with reporting():
         loaded = load_experiment(experiment)
@@ -60,7 +60,7 @@ def animate(
         file = animation.check_file(out or Path("results", loaded.path.stem, f"{file_name(name)}.gif"))
         check_writable(file.parent)
         if not 0.1 <= seconds <= 45.0:
-            raise WmrError(f"an animation cannot play for {seconds:g} s; choose --seconds between 0.1 and 45")
+            raise WmrError(f"an animation cannot play for {seconds:g} s", "choose --seconds between 0.1 and 45")
         run = run_with_progress(experiment, backend, [name])[name]
         speed = float(run.time[-1] - run.time[0]) / seconds if len(run.time) > 1 else 1.0
         p = loaded.loops[name].plant.parameters

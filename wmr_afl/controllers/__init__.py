@@ -7,7 +7,7 @@ from wmr_afl.controllers.normalization import Normalization
 from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.robust_term import RobustTerm
-from wmr_afl.controllers.tracking import TrackingController
+from wmr_afl.controllers.tracking_law import TrackingController
 
 __all__ = [
     "GradientAdaptation",

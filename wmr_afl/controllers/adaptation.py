@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import model_validator
 
-from wmr_afl.arrays import Array
 from wmr_afl.controllers.leakage import Leakage
 from wmr_afl.controllers.normalization import Normalization
 from wmr_afl.errors import ShapeError, WmrError
-from wmr_afl.model import Vector
+from wmr_afl.numerics.arrays import Array, Vector
+from wmr_input.errors import FieldError
+from wmr_input.fields import Gain, Named, Positive, Table
+
+
+class AdaptationTable(Table):
+    """(25); `relative_gain` g gives Gamma_i = g theta_hat_i(0)^2, for base parameters that differ in size and unit."""
+
+    gain: Gain | None = None
+    relative_gain: Positive | None = None
+    leakage: Named | None = None  # Sigma of (51)
+    normalization: Positive | None = None  # Remark 5
+    input: Literal["commanded", "applied"] = "commanded"  # at which W is taken
+
+    @model_validator(mode="after")
+    def _one_gain(self) -> AdaptationTable:
+        if (self.gain is None) == (self.relative_gain is None):
+            raise FieldError("names no or two gains", "give gain or relative_gain")
+        return self
 
 
 class GradientAdaptation:
@@ -34,13 +53,13 @@ class GradientAdaptation:
         try:
             self.gain = np.asarray(gain, dtype=float)
         except (TypeError, ValueError):
-            raise ShapeError("the rows of the adaptation gain differ in length; give rows of equal length") from None
+            raise ShapeError("the rows of the adaptation gain differ in length", "give rows of equal length") from None
         if self.gain.ndim == 0:
             self.gain = np.full(parameters, float(self.gain))
         if self.gain.shape not in ((parameters,), (parameters, parameters)):
             raise ShapeError(
-                f"the adaptation gain has shape {self.gain.shape}; expected a number, a diagonal ({parameters},) "
-                f"or a matrix ({parameters}, {parameters})"
+                f"the adaptation gain has shape {self.gain.shape}",
+                f"expected a number, a diagonal ({parameters},) or a matrix ({parameters}, {parameters})",
             )
         matrix = np.diag(self.gain) if self.gain.ndim == 1 else self.gain
         if not np.allclose(matrix, matrix.T) or not np.all(np.linalg.eigvalsh(matrix) > 0):

@@ -7,10 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.arrays import Array
-from wmr_afl.controllers.outer_loop import per_entry
 from wmr_afl.errors import WmrError
-from wmr_afl.model import Vector
+from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.numerics.vectors import per_entry
 
 
 class Leakage:
@@ -22,7 +21,7 @@ class Leakage:
     def __init__(self, parameters: int, sigma: ArrayLike) -> None:
         self.sigma = per_entry("leakage", sigma, parameters)
         if np.any(self.sigma < 0):
-            raise WmrError(f"the leakage is {self.sigma}; choose zero or more")
+            raise WmrError(f"the leakage is {self.sigma}", "choose zero or more")
 
     @property
     def values(self) -> dict[str, Vector]:

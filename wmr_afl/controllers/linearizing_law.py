@@ -7,12 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.arrays import Array
-from wmr_afl.controllers.outer_loop import per_entry
 from wmr_afl.errors import WmrError
-from wmr_afl.language import Language
-from wmr_afl.linear_algebra import least_norm, regularity
-from wmr_afl.model import Vector
+from wmr_afl.model.model import Language
+from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.numerics.linear_algebra import least_norm, regularity
+from wmr_afl.numerics.vectors import per_entry
 
 
 class LinearizingLaw:
@@ -24,7 +23,7 @@ class LinearizingLaw:
     def __init__(self, inputs: int, weights: ArrayLike = 1.0) -> None:
         self.weights = per_entry("input weights", weights, inputs)
         if np.any(self.weights <= 0):
-            raise WmrError(f"input weights are {self.weights}; choose positive ones")
+            raise WmrError(f"input weights are {self.weights}", "choose positive ones")
 
     @property
     def values(self) -> dict[str, Vector]:

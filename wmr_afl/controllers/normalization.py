@@ -6,10 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from wmr_afl.arrays import Array
 from wmr_afl.errors import WmrError
-from wmr_afl.linear_algebra import sum_of_squares
-from wmr_afl.model import Vector
+from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.numerics.linear_algebra import sum_of_squares
 
 
 class Normalization:
@@ -20,7 +19,7 @@ class Normalization:
 
     def __init__(self, weight: float) -> None:
         if not (np.isfinite(weight) and weight > 0):
-            raise WmrError(f"the normalization is {weight}; choose a positive number")
+            raise WmrError(f"the normalization is {weight}", "choose a positive number")
         self.weight = np.array([float(weight)])
 
     @property

@@ -8,11 +8,20 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.arrays import Array
-from wmr_afl.errors import ShapeError, WmrError
-from wmr_afl.language import Language
-from wmr_afl.model import Vector
-from wmr_afl.references import Point
+from wmr_afl.controllers.reference import Point
+from wmr_afl.errors import WmrError
+from wmr_afl.model.model import Language
+from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.numerics.vectors import per_entry
+from wmr_input.fields import Numbers, Table
+
+
+class OuterLoopTable(Table):
+    """(27), (34)"""
+
+    b1: Numbers
+    b2: Numbers
+    alpha: Numbers | None = None
 
 
 @dataclass(frozen=True)
@@ -44,12 +53,15 @@ class OuterLoop:
     def __init__(self, outputs: int, b1: ArrayLike, b2: ArrayLike, alpha: ArrayLike | None = None) -> None:
         self.b1, self.b2 = per_entry("b1", b1, outputs), per_entry("b2", b2, outputs)
         if np.any(self.b1 <= 0) or np.any(self.b2 <= 0):
-            raise WmrError(f"b1 = {self.b1}, b2 = {self.b2} do not stabilize the outer loop; choose b1 > 0 and b2 > 0")
+            raise WmrError(
+                f"b1 = {self.b1}, b2 = {self.b2} do not stabilize the outer loop", "choose b1 > 0 and b2 > 0"
+            )
         self.alpha = self.b2 / self.b1 if alpha is None else per_entry("alpha", alpha, outputs)
         if np.any(self.alpha <= 0) or np.any(self.b1 <= self.alpha):
             raise WmrError(
                 f"(s + alpha)/(s^2 + b1 s + b2) is not strictly positive real (35) with b1 = {self.b1}, "
-                f"b2 = {self.b2}, alpha = {self.alpha}; choose b1 > alpha > 0 (alpha is b2/b1 unless given)"
+                f"b2 = {self.b2}, alpha = {self.alpha}",
+                "choose b1 > alpha > 0 (alpha is b2/b1 unless given)",
             )
 
     @property
@@ -63,14 +75,3 @@ class OuterLoop:
     def filtered_error(self, error: TrackingError, k: SimpleNamespace) -> Array:
         """E1 (34)."""
         return error.e_dot + k.alpha * error.e
-
-
-def per_entry(name: str, value: ArrayLike, size: int) -> Vector:
-    """A number for all, or one for each entry, as (size,).
-
-    Raises: ShapeError.
-    """
-    array = np.asarray(value, dtype=float)
-    if array.shape not in ((), (size,)) or not np.all(np.isfinite(array)):
-        raise ShapeError(f"{name} is {value!r}; expected one finite number, or {size}")
-    return np.broadcast_to(array, (size,)).copy()

@@ -7,10 +7,29 @@ from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import model_validator
 
-from wmr_afl.arrays import Array, Arrays
 from wmr_afl.errors import WmrError
-from wmr_afl.model import Vector
+from wmr_afl.numerics.arrays import Array, Arrays, Vector
+from wmr_input.errors import FieldError
+from wmr_input.fields import ByName, Positive, Table
+
+
+class ProjectionTable(Table):
+    """Remark 7; a plain number bounds the estimates that enter det Dhat, names bound those named.
+
+    `relative` r keeps every estimate within theta_hat(0) +- r |theta_hat(0)|.
+    """
+
+    lower: ByName | None = None
+    upper: ByName | None = None
+    relative: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_kind_of_bound(self) -> ProjectionTable:
+        if self.relative is not None and (self.lower is not None or self.upper is not None):
+            raise FieldError("names relative and absolute bounds", "give relative, or lower and upper")
+        return self
 
 
 class Projection:
@@ -20,7 +39,7 @@ class Projection:
         self.lower = np.broadcast_to(np.asarray(lower, dtype=float), (parameters,)).copy()
         self.upper = np.broadcast_to(np.asarray(upper, dtype=float), (parameters,)).copy()
         if not np.all(self.lower < self.upper):
-            raise WmrError(f"bounds {self.lower} to {self.upper} leave nothing; choose lower < upper")
+            raise WmrError(f"bounds {self.lower} to {self.upper} leave nothing", "choose lower < upper")
 
     def check(self, estimate: Vector, names: Sequence[str]) -> None:
         """The first estimate must lie within the bounds.
@@ -30,7 +49,7 @@ class Projection:
         for name, value, low, high in zip(names, estimate, self.lower, self.upper, strict=True):
             if not low <= value <= high:
                 raise WmrError(
-                    f"the first estimate of {name}, {value:g}, is not within {low:g} and {high:g}; change one of them"
+                    f"the first estimate of {name}, {value:g}, is not within {low:g} and {high:g}", "change one of them"
                 )
 
     @property

@@ -6,9 +6,19 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from wmr_afl.arrays import Array, Arrays, norm
 from wmr_afl.errors import WmrError
-from wmr_afl.model import Vector
+from wmr_afl.numerics.arrays import Array, Arrays, Vector, norm
+from wmr_input.fields import NotNegative, Positive, Table
+
+
+class RobustTable(Table):
+    """(70)-(74); a mu that does not decay wants leakage on a_hat (Remark 9)."""
+
+    gamma: Positive
+    mu: Positive = 1.0
+    mu_decay: NotNegative = 1.0
+    leakage: NotNegative = 0.0
+
 
 _SMALLEST = 1e-300  # keeps 0/0 out where mu has decayed below any number
 
@@ -24,11 +34,11 @@ class RobustTerm:
     def __init__(self, gamma: float, mu: float = 1.0, mu_decay: float = 1.0, leakage: float = 0.0) -> None:
         if not (gamma > 0 and mu > 0 and mu_decay >= 0 and leakage >= 0):
             raise WmrError(
-                f"gamma = {gamma}, mu = {mu}, mu_decay = {mu_decay}, leakage = {leakage}; "
-                "choose gamma > 0, mu > 0, and the others zero or more"
+                f"gamma = {gamma}, mu = {mu}, mu_decay = {mu_decay}, leakage = {leakage}",
+                "choose gamma > 0, mu > 0, and the others zero or more",
             )
         if mu_decay == 0 and leakage == 0:
-            raise WmrError("with a constant mu the bound a_hat would grow without end (Remark 9); choose leakage > 0")
+            raise WmrError("with a constant mu the bound a_hat would grow without end (Remark 9)", "choose leakage > 0")
         self.start_mu = np.array([float(mu)])
         self.gains = {"gamma": gamma, "mu_decay": mu_decay, "bound_leakage": leakage}
 

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import SimpleNamespace
+from typing import Annotated, Literal
 
-from wmr_afl.arrays import Array
 from wmr_afl.errors import UnknownNameError
-from wmr_afl.language import Language
-from wmr_afl.model import Model, Vector
+from wmr_afl.model.model import Language, Model
+from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.numerics.formulas import TimeFunction
 from wmr_afl.plant.loads import Place
-from wmr_afl.time_functions import TimeFunction
+from wmr_input.fields import Table, either
+
+
+class DisturbanceTable(Table):
+    """Expressions of time t: one for all channels, or by the name of a pseudo-velocity or of a motor's input."""
+
+    expression: Annotated[str | dict[str, str], either("an expression, or a table channel = expression")]
+    on: Literal["pseudo_velocities", "wheels"]
 
 
 class Disturbance:

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.arrays import Array
-from wmr_afl.controllers.outer_loop import per_entry
 from wmr_afl.errors import WmrError
-from wmr_afl.language import Language
-from wmr_afl.model import Model, Vector
+from wmr_afl.model.model import Language, Model
+from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.numerics.vectors import per_entry
 from wmr_afl.plant.loads import Place
+from wmr_input.fields import Numbers, Table
+
+
+class FrictionTable(Table):
+    """Fv r + Kd sgn r (95), acting on the pseudo-velocities or on the motors' shafts ("wheels").
+
+    `of` = "pseudo_velocities" with `on` = "wheels" is the literal reading of (7), (13).
+    """
+
+    viscous: Numbers = 0.0
+    coulomb: Numbers = 0.0
+    on: Literal["pseudo_velocities", "wheels"]
+    of: Literal["pseudo_velocities", "wheels"] | None = None
 
 
 class Friction:
@@ -34,10 +47,10 @@ class Friction:
         count = len(self.place.channels)
         self.viscous, self.coulomb = per_entry("viscous", viscous, count), per_entry("coulomb", coulomb, count)
         if np.any(self.viscous < 0) or np.any(self.coulomb < 0):
-            raise WmrError(f"friction {self.viscous}, {self.coulomb} would drive the robot; choose zero or more")
+            raise WmrError(f"friction {self.viscous}, {self.coulomb} would drive the robot", "choose zero or more")
         self.of_v = of_pseudo_velocities or not self.place.on_wheels
         if self.of_v and count != model.pseudo_velocity_count:
-            raise WmrError(f"{count} wheels for {model.pseudo_velocity_count} pseudo-velocities; leave `of` out")
+            raise WmrError(f"{count} wheels for {model.pseudo_velocity_count} pseudo-velocities", "leave `of` out")
 
     @property
     def values(self) -> dict[str, Vector]:

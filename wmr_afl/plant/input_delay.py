@@ -6,9 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from wmr_afl.arrays import Array, Arrays
 from wmr_afl.errors import WmrError
-from wmr_afl.model import Vector
+from wmr_afl.numerics.arrays import Array, Arrays, Vector
+from wmr_input.fields import Positive, Table
+
+
+class InputDelayTable(Table):
+    """Commands reach the motors late, by whole samples."""
+
+    seconds: Positive
 
 
 class InputDelay:
@@ -19,7 +25,7 @@ class InputDelay:
 
     def __init__(self, inputs: int, samples: int) -> None:
         if samples < 1:
-            raise WmrError(f"a delay of {samples} samples; choose at least one sample")
+            raise WmrError(f"a delay of {samples} samples", "choose at least one sample")
         self.inputs, self.samples = inputs, samples
 
     @property

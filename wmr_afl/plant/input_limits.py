@@ -6,10 +6,16 @@ from types import SimpleNamespace
 
 from numpy.typing import ArrayLike
 
-from wmr_afl.arrays import Array, Arrays
-from wmr_afl.controllers.outer_loop import per_entry
 from wmr_afl.errors import WmrError
-from wmr_afl.model import Vector
+from wmr_afl.numerics.arrays import Array, Arrays, Vector
+from wmr_afl.numerics.vectors import per_entry
+from wmr_input.fields import Numbers, Table
+
+
+class InputLimitsTable(Table):
+    """|u| <= volts"""
+
+    volts: Numbers
 
 
 class InputLimits:
@@ -18,7 +24,7 @@ class InputLimits:
     def __init__(self, inputs: int, limit: ArrayLike) -> None:
         self.limit = per_entry("input limit", limit, inputs)
         if (self.limit <= 0).any():
-            raise WmrError(f"the input limit is {self.limit}; choose a positive voltage")
+            raise WmrError(f"the input limit is {self.limit}", "choose a positive voltage")
 
     @property
     def values(self) -> dict[str, Vector]:

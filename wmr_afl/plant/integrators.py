@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from wmr_afl.arrays import Array
+from wmr_afl.numerics.arrays import Array
 
 Rate = Callable[[Array, Array], Array]  # (t, x) -> x'
 

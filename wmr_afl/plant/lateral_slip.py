@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from wmr_afl.arrays import Array, Arrays
 from wmr_afl.errors import MissingTermError
-from wmr_afl.model import Model
-from wmr_afl.time_functions import TimeFunction
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array, Arrays
+from wmr_afl.numerics.formulas import TimeFunction
+from wmr_input.fields import Table
+
+
+class LateralSlipTable(Table):
+    """rU(t) of (96) [m/s], an expression of time t."""
+
+    speed: str
 
 
 class LateralSlip:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Protocol
 
-from wmr_afl.arrays import Array
 from wmr_afl.errors import UnknownNameError
-from wmr_afl.language import Language
-from wmr_afl.model import Model, Vector
+from wmr_afl.model.model import Language, Model
+from wmr_afl.numerics.arrays import Array, Vector
 
 PLACES = ("pseudo_velocities", "wheels")
 

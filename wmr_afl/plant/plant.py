@@ -8,10 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.arrays import Array
 from wmr_afl.errors import ShapeError, UnknownNameError
-from wmr_afl.language import Language
-from wmr_afl.model import Model, Vector
+from wmr_afl.model.model import Language, Model
+from wmr_afl.numerics.arrays import Array, Vector
 from wmr_afl.plant.input_delay import InputDelay
 from wmr_afl.plant.input_limits import InputLimits
 from wmr_afl.plant.integrators import INTEGRATORS
@@ -44,7 +43,9 @@ class Plant:
         self.start = np.asarray(start, dtype=float)
         if self.start.shape != (len(model.state_units),) or not np.all(np.isfinite(self.start)):
             names = ", ".join(model.state_units)
-            raise ShapeError(f"the start has shape {self.start.shape}; expected ({len(model.state_units)},): {names}")
+            raise ShapeError(
+                f"the start has shape {self.start.shape}", f"expected ({len(model.state_units)},): {names}"
+            )
         if integrator not in INTEGRATORS:
             raise UnknownNameError("integrator", integrator, INTEGRATORS)
         self.integrator, self.limits, self.noise = INTEGRATORS[integrator], limits, noise

@@ -1,0 +1,163 @@
+"""Linear dependence of functions over the field of known constants, decided by exact evaluation.
+
+Functions f_1 ... f_N of some variables are given as columns of expressions. Which of them are combinations of
+others, with coefficients that may contain the known constants c only? Ranks come from random points of a finite
+field; the coefficients are then recovered as rational functions of c and checked at fresh points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import isqrt
+
+import sympy as sp
+from sympy import Expr, Symbol
+from sympy.polys.matrices import DomainMatrix
+
+from .finite_field import FIELD, PRIME, Element, NotRepresentable, Point
+from .named_terms import Terms, sorted_symbols
+from .trigonometry import without_sums_of_angles
+
+Column = Sequence[Expr]  # a vector-valued function
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """`independent`: indices of a basis; `combination[j][i]`: coefficient of basis function i in function j."""
+
+    independent: list[int]
+    combination: dict[int, dict[int, Expr]]
+
+    def exchanged(self, cost: Callable[[Expr], int]) -> Dependence:
+        """Another basis of the same functions, in whose combinations the coefficients cost less."""
+        best = self
+        improved = True
+        while improved:
+            improved = False
+            pairs = [(j, i) for j, combination in sorted(best.combination.items()) for i in sorted(combination)]
+            for j, i in pairs:
+                other = best._swapped(j, i)
+                if other._cost(cost) < best._cost(cost):
+                    best, improved = other, True
+                    break
+        return best
+
+    def _swapped(self, joins: int, leaves: int) -> Dependence:
+        """The basis with function `joins` in the place of `leaves`."""
+        joining = self.combination[joins]
+        pivot = joining[leaves]
+        leaving = {i: sp.factor(-c / pivot) for i, c in joining.items() if i != leaves} | {joins: sp.factor(1 / pivot)}
+        combination = {leaves: leaving}
+        for j, old in self.combination.items():
+            if j != joins:
+                new = {i: c for i, c in old.items() if i != leaves}
+                for i, c in leaving.items() if leaves in old else ():
+                    new[i] = sp.factor(new.get(i, sp.S.Zero) + old[leaves] * c)
+                combination[j] = {i: c for i, c in new.items() if c != 0}
+        return Dependence(sorted({*self.independent, joins} - {leaves}), combination)
+
+    def _cost(self, cost: Callable[[Expr], int]) -> int:
+        return sum(cost(c) for combination in self.combination.values() for c in combination.values())
+
+
+def dependence(columns: Sequence[Column], known: frozenset[Symbol], terms: Terms) -> Dependence:
+    """Splits `columns` into a basis, first come first kept, and combinations of it."""
+    reduced, pivots = _reduced(columns, known, terms, draw=0)
+    again, _ = _reduced(columns, known, terms, draw=1)
+    combination: dict[int, dict[int, Expr]] = {}
+    for j in range(len(columns)):
+        if j in pivots:
+            continue
+        support = [k for k, _ in enumerate(pivots) if reduced[k][j] != 0]
+        basis = [columns[pivots[k]] for k in support]
+        numbers = [(_fraction(int(reduced[k][j])), _fraction(int(again[k][j]))) for k in support]
+        coefficients = [first for first, second in numbers if first is not None and first == second]
+        if len(coefficients) < len(support) or not _combine(basis, coefficients, columns[j], terms):
+            coefficients = _symbolic(basis, columns[j], known, terms)
+        combination[j] = {pivots[k]: c for k, c in zip(support, coefficients, strict=True)}
+    return Dependence(list(pivots), combination)
+
+
+def _reduced(
+    columns: Sequence[Column], known: frozenset[Symbol], terms: Terms, draw: int
+) -> tuple[list[list[Element]], tuple[int, ...]]:
+    """The reduced row echelon form of the columns' values, with the constants `known` at one random value each."""
+    constants = Point(-1 - draw)
+    rows: list[list[Element]] = []
+    points = 0
+    for seed in range(1000 * draw, 1000 * draw + 8 * len(columns) + 64):
+        point = Point(seed, terms.definitions, {c: constants(c) for c in sorted_symbols(known)})
+        try:
+            values = [[point(column[r]) for column in columns] for r in range(len(columns[0]))]
+        except NotRepresentable:
+            continue
+        rows.extend(row for row in values if any(row))
+        points += 1
+        if points == len(columns) + 4:  # more than there can be independent functions of the state
+            break
+    reduced, pivots = DomainMatrix(rows, (len(rows), len(columns)), FIELD).rref()
+    return reduced.to_list(), pivots
+
+
+def _combine(basis: Sequence[Column], coefficients: Sequence[Expr], column: Column, terms: Terms) -> bool:
+    """Whether the combination of the basis functions is the function `column`."""
+    return all(
+        terms.is_zero(sum((c * function[r] for c, function in zip(coefficients, basis, strict=True)), -entry))
+        for r, entry in enumerate(column)
+    )
+
+
+def _fraction(residue: int) -> sp.Rational | None:
+    """The small fraction that `residue` stands for, by the Euclidean algorithm; None where there is none."""
+    bound = isqrt(isqrt(PRIME))
+    previous, current = (PRIME, 0), (residue % PRIME, 1)
+    while current[0] > bound:
+        quotient = previous[0] // current[0]
+        previous, current = current, (previous[0] - quotient * current[0], previous[1] - quotient * current[1])
+    return sp.Rational(*current) if 0 < abs(current[1]) <= bound else None
+
+
+def _symbolic(basis: Sequence[Column], column: Column, known: frozenset[Symbol], terms: Terms) -> list[Expr]:
+    """Coefficients in the known constants with sum of coefficient times basis function = column."""
+    rows: list[list[Expr]] = []
+    right: list[Expr] = []
+    for draw in range(4 * len(basis) + 8):
+        values = _RationalState(draw, known)
+        for r, entry in enumerate(column):
+            row = [values(terms.expand(function[r])) for function in basis]
+            if Terms().rank(sp.Matrix([*rows, row])) == len(rows) + 1:
+                rows.append(row)
+                right.append(values(terms.expand(entry)))
+            if len(rows) == len(basis):
+                matrix = sp.Matrix(rows)
+                solution = matrix.adjugate() * sp.Matrix(right) / matrix.det(method="berkowitz")
+                coefficients = [sp.factor(sp.together(entry)) for entry in solution]
+                if _combine(basis, coefficients, column, terms):
+                    return coefficients
+                raise ArithmeticError(f"no combination found for {column}")
+    raise ArithmeticError(f"too few independent values found for {column}")
+
+
+class _RationalState:
+    """Small rational values for every symbol but the known constants; angles on the unit circle."""
+
+    def __init__(self, draw: int, known: frozenset[Symbol]) -> None:
+        self.draw, self.known = draw, known
+
+    def __call__(self, expression: Expr) -> Expr:
+        expression = without_sums_of_angles(expression)
+        values: dict[Expr, Expr] = {}
+        for function in sorted(expression.atoms(sp.sin, sp.cos, sp.tan), key=sp.default_sort_key):
+            angle = function.args[0]
+            if angle.free_symbols and angle.free_symbols.isdisjoint(self.known):
+                t = self._number(angle)
+                sine, cosine = 2 * t / (1 + t**2), (1 - t**2) / (1 + t**2)
+                values[function] = {sp.sin: sine, sp.cos: cosine, sp.tan: sine / cosine}[function.func]
+        for symbol in expression.free_symbols - self.known:
+            values.setdefault(symbol, self._number(symbol))
+        return sp.cancel(expression.xreplace(values))
+
+    def _number(self, key: Expr) -> sp.Rational:
+        value = int(Point(self.draw)(sp.Symbol(f"state {key}")))  # drawn from the name, the same in every process
+        return sp.Rational(value % 17 + 2, value % 11 + 2 + 17)

@@ -1,0 +1,1 @@
+"""A derivation -> files: generated modules, model.json, derivation.md."""

@@ -1,0 +1,82 @@
+"""What stands beside the generated functions: names, units, values and formulas, and the derivation's findings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import sympy as sp
+from sympy import Expr
+
+from ..derivation import Derivation
+from ..mechanics.poses import geometry
+from .findings import findings
+from .quantities import arguments_of, unit_text, units_of
+
+
+@dataclass(frozen=True)
+class Metadata:
+    """Names to units, in order, and what else a user of the generated functions needs."""
+
+    name: str
+    title: str
+    source: str
+    state: dict[str, str]
+    inputs: dict[str, str]
+    motors: dict[str, dict[str, str]]  # input -> what it drives, torque gain and back-EMF as formulas of p
+    outputs: dict[str, str]
+    parameters: dict[str, str]
+    defaults: dict[str, float]
+    about: dict[str, str]
+    known: dict[str, str]
+    base_parameters: dict[str, str]
+    base_parameter_formulas: dict[str, str]
+    parametrization: str
+    inverse_base_parameters: dict[str, str]
+    inverse_base_parameter_formulas: dict[str, str]
+    geometry: dict[str, dict[str, dict[str, str]]]
+    findings: dict[str, Any]
+
+
+def describe(derivation: Derivation) -> Metadata:
+    """The metadata of a derived robot."""
+    d, arguments, units = derivation, arguments_of(derivation), units_of(derivation)
+
+    def table(argument: str) -> dict[str, str]:
+        one = arguments[argument]
+        return {symbol.name: unit for symbol, unit in zip(one.entries, one.units, strict=True)}
+
+    def formula(expression: Expr) -> str:
+        return str(sp.factor_terms(d.terms.expand(expression)))
+
+    pi = d.adaptive.inverse.base_parameters if d.adaptive.inverse else ()
+    pi_names = [f"pi{k}" for k in range(1, len(pi) + 1)]
+    return Metadata(
+        name=d.robot.name,
+        title=d.robot.title,
+        source=d.robot.source,
+        state=table("x"),
+        inputs=table("u"),
+        motors={
+            motor.input: {
+                "drives": str(motor.wheel or motor.joint),
+                "torque_gain": str(motor.torque_gain),
+                "back_emf": str(motor.back_emf),
+            }
+            for motor in d.robot.motors
+        },
+        outputs={name: unit_text(h, units, d) for name, h in d.robot.outputs.items()},
+        parameters=table("p"),
+        defaults={p.name: float(d.robot.defaults[p]) for p in d.robot.parameters},
+        about=d.robot.about,
+        known=table("c"),
+        base_parameters=table("theta"),
+        base_parameter_formulas={
+            s.name: formula(e) for s, e in zip(d.adaptive.theta, d.adaptive.base_parameters, strict=True)
+        },
+        parametrization=d.adaptive.kind,
+        inverse_base_parameters={name: unit_text(e, units, d) for name, e in zip(pi_names, pi, strict=True)},
+        inverse_base_parameter_formulas={name: formula(e) for name, e in zip(pi_names, pi, strict=True)},
+        geometry=geometry(d.robot),
+        findings=findings(derivation),
+    )

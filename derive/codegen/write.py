@@ -1,0 +1,120 @@
+"""Derived robots -> files: everything in memory first, then written, or compared with what is there."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import sympy as sp
+
+from wmr_input import InputError, WmrError
+
+from ..derivation import Derivation, Progress, derive_robot, telling
+from ..description.tables import read_description
+from .derivation_report import print_report
+from .dialects import CASADI, NUMPY
+from .metadata import Metadata, describe
+from .module import print_module
+from .quantities import quantities
+
+Files = dict[str, str]  # path below the output folder -> text
+
+
+def generate(robots: Iterable[Path], progress: Callable[[Path], Progress]) -> Files:
+    """The files of all `robots`, by path below the output folder.
+
+    Raises: InputError, where a description is wrong or two robots share a name.
+    """
+    files: Files = {}
+    origins: dict[str, Path] = {}
+    for path in robots:
+        name = read_description(path).name
+        if name in origins:
+            raise InputError(str(path), "name", f"{name!r} is the name of {origins[name]} too", "rename one of them")
+        origins[name] = path
+        files |= {f"{name}/{file}": text for file, text in generate_one(path, progress(path)).items()}
+    return files
+
+
+def generate_one(path: Path, progress: Progress = lambda step: None) -> Files:
+    """The files of one robot."""
+    derivation = derive_robot(path, progress)
+    with telling(str(path)):
+        return files_of(derivation, path, progress)
+
+
+def files_of(derivation: Derivation, path: Path, progress: Progress = lambda step: None) -> Files:
+    """The files of a derived robot whose description is at `path`."""
+    metadata = describe(derivation)
+    functions = quantities(derivation)
+    files: Files = {}
+    for dialect in (NUMPY, CASADI):
+        progress(dialect.file)
+        files[dialect.file] = print_module(functions, derivation.terms, metadata, dialect)
+    progress("report")
+    files["model.json"] = _print_json(metadata, [one.name for one in functions], path)
+    files["derivation.md"] = print_report(derivation, metadata, functions)
+    return files
+
+
+def _print_json(metadata: Metadata, functions: list[str], path: Path) -> str:
+    digest = hashlib.sha256(path.read_text(encoding="utf-8").encode()).hexdigest()
+    content = {"sympy": sp.__version__, "description_sha256": digest, "functions": functions, **vars(metadata)}
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+
+
+def write(files: Files, out: Path) -> None:
+    """Writes `files` below `out`, each at once.
+
+    Raises: WmrError, where the folder cannot be written.
+    """
+    for name, text in files.items():
+        target = out / name
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            _replace(target, text)
+        except OSError as error:
+            raise WmrError(f"{target}: cannot be written ({error.strerror})", "name a writable folder") from None
+
+
+def _replace(target: Path, text: str) -> None:
+    descriptor, temporary = tempfile.mkstemp(dir=target.parent, prefix=".")
+    try:
+        with open(descriptor, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(text)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, target)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def differences(files: Files, out: Path) -> str:
+    """What differs between `files` and the folder `out`, as a unified diff; empty where nothing does."""
+    present = {
+        path.relative_to(out).as_posix(): path
+        for path in sorted(out.rglob("*"))
+        if path.is_file() and not any(part.startswith((".", "__pycache__")) for part in path.relative_to(out).parts)
+    }
+    report = []
+    for name in sorted(files.keys() | present.keys()):
+        if name not in present:
+            report.append(f"missing: {out / name}\n")
+        elif name not in files:
+            report.append(f"left over: {out / name} is not generated from the robots named\n")
+        else:
+            there = present[name].read_text(encoding="utf-8", errors="replace")
+            report.extend(
+                difflib.unified_diff(
+                    there.splitlines(keepends=True),
+                    files[name].splitlines(keepends=True),
+                    f"{out / name} (there)",
+                    f"{out / name} (derived)",
+                )
+            )
+    return "".join(report)

@@ -1,0 +1,1 @@
+"""What a controller needs of a robot: linearization, base parameters, decoupling matrix."""

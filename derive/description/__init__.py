@@ -1,0 +1,1 @@
+"""A robot description in TOML -> a robot in symbols, every mistake in one line."""

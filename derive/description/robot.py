@@ -1,0 +1,76 @@
+"""A robot in symbols: what a description means, and what the derivation starts from."""
+
+from dataclasses import dataclass
+
+import sympy as sp
+from sympy import Expr, Symbol
+
+from .reader import Reader, symbol
+
+Point2 = tuple[Expr, Expr]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A rigid frame: the root, or hung at `at` of its parent and turned by `angle`."""
+
+    name: str
+    parent: str | None
+    at: Point2  # the root: its position in the plane [m]
+    angle: Expr  # the root: its heading; else the angle from the parent [rad]
+
+
+@dataclass(frozen=True)
+class Body:
+    """A mass fixed to a frame at `at`; inertia about its own centre."""
+
+    frame: str
+    at: Point2
+    mass: Expr
+    inertia: Expr
+
+
+@dataclass(frozen=True)
+class Wheel(Body):
+    """A wheel: a mass that also spins about its axle and touches the ground."""
+
+    name: str
+    radius: Expr
+    heading: Expr
+    roller_angle: Expr | None
+    spin_inertia: Expr
+
+
+@dataclass(frozen=True)
+class Motor:
+    input: str
+    wheel: str | None
+    joint: str | None
+    torque_gain: Expr
+    back_emf: Expr
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot in symbols: everything that the derivation starts from."""
+
+    name: str
+    title: str
+    source: str
+    units: dict[str, str]
+    coordinates: tuple[Symbol, ...]
+    parameters: tuple[Symbol, ...]
+    defaults: dict[Symbol, sp.Rational]
+    about: dict[str, str]
+    known: frozenset[Symbol]
+    frames: tuple[Frame, ...]  # parents first
+    bodies: tuple[Body, ...]
+    wheels: tuple[Wheel, ...]
+    motors: tuple[Motor, ...]
+    constraints: tuple[dict[Symbol, Expr], ...]  # coefficients of the rates
+    pseudo_velocities: dict[Symbol, dict[Symbol, Expr]] | None
+    outputs: dict[str, Expr]  # empty where the model alone is wanted
+    reader: Reader
+
+    def rate(self, coordinate: Symbol) -> Symbol:
+        return symbol(f"{coordinate.name}_dot")

@@ -1,0 +1,1 @@
+"""How a robot moves: constraints, kinematics, mobility, dynamics."""

@@ -1,0 +1,65 @@
+"""Where the parts of a robot are, as expressions of coordinates and parameters: for those who draw it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy as sp
+from sympy import Expr
+
+from ..algebra.trigonometry import shortest
+from ..description.robot import Point2, Robot
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Absolute position [m] and heading [rad]."""
+
+    x: Expr
+    y: Expr
+    heading: Expr
+
+    def point(self, at: Point2) -> tuple[Expr, Expr]:
+        """The absolute position of a point that moves with the pose."""
+        c, s = sp.cos(self.heading), sp.sin(self.heading)
+        return self.x + c * at[0] - s * at[1], self.y + s * at[0] + c * at[1]
+
+    def child(self, at: Point2, angle: Expr) -> Pose:
+        """The pose of what sits at a point of this one, turned by an angle."""
+        x, y = self.point(at)
+        return Pose(shortest(x), shortest(y), self.heading + angle)
+
+
+def frame_poses(robot: Robot) -> dict[str, Pose]:
+    """Every frame's pose, the root's first."""
+    poses: dict[str, Pose] = {}
+    for frame in robot.frames:
+        if frame.parent is None:
+            poses[frame.name] = Pose(*frame.at, frame.angle)
+        else:
+            poses[frame.name] = poses[frame.parent].child(frame.at, frame.angle)
+    return poses
+
+
+def geometry(robot: Robot) -> dict[str, dict[str, dict[str, str]]]:
+    """Frames, wheels and bodies by name, each with x, y and heading as text; ready for JSON."""
+    poses = frame_poses(robot)
+    frames = {
+        frame.name: _texts(poses[frame.name]) | ({"parent": frame.parent} if frame.parent else {})
+        for frame in robot.frames
+    }
+    wheels = {
+        wheel.name: _texts(poses[wheel.frame].child(wheel.at, wheel.heading))
+        | {"frame": wheel.frame, "radius": str(wheel.radius)}
+        | ({} if wheel.roller_angle is None else {"roller_angle": str(wheel.roller_angle)})
+        for wheel in robot.wheels
+    }
+    bodies = {
+        f"{body.frame} {number}": _texts(poses[body.frame].child(body.at, sp.S.Zero)) | {"frame": body.frame}
+        for number, body in enumerate(robot.bodies, 1)
+    }
+    return {"frames": frames, "wheels": wheels, "bodies": bodies}
+
+
+def _texts(pose: Pose) -> dict[str, str]:
+    return {"x": str(pose.x), "y": str(pose.y), "heading": str(pose.heading)}

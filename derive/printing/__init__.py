@@ -1,1 +1,0 @@
-"""Printers: named expressions -> files. They know nothing of robots."""

@@ -1,0 +1,60 @@
+"""Exact evaluation knows every identity that the derivation relies on."""
+
+import pytest
+import sympy as sp
+
+from derive.algebra.finite_field import NotRepresentable, Point, vanishes
+from derive.algebra.linear_dependence import dependence
+from derive.algebra.named_terms import Terms
+
+a, b, x, c = sp.symbols("a b x c", real=True)
+
+
+@pytest.mark.parametrize(
+    "identity",
+    [
+        sp.sin(a) ** 2 + sp.cos(a) ** 2 - 1,
+        sp.cos(a + b) - sp.cos(a) * sp.cos(b) + sp.sin(a) * sp.sin(b),
+        sp.sin(2 * a) - 2 * sp.sin(a) * sp.cos(a),
+        sp.sin(a / 2) ** 2 - (1 - sp.cos(a)) / 2,
+        sp.tan(a) * sp.cos(a) - sp.sin(a),
+        sp.cos(a + sp.pi / 6) - (sp.sqrt(3) * sp.cos(a) - sp.sin(a)) / 2,
+        sp.sqrt(x**2 + 1) ** 4 - (x**2 + 1) ** 2,
+        *(
+            sp.cos(a + angle) - sp.cos(a) * sp.cos(angle) + sp.sin(a) * sp.sin(angle)
+            for n in (3, 4, 5, 7, 8, 12)
+            for angle in (sp.pi / n, 3 * sp.pi / n)
+        ),
+    ],
+    ids=str,
+)
+def test_identities_vanish(identity: sp.Expr) -> None:
+    assert vanishes(identity)
+    assert not vanishes(identity + sp.Rational(1, 10**12))
+
+
+@pytest.mark.parametrize("expression", [x, sp.sin(a) + sp.cos(a), sp.exp(x) - 1, a * x - 1, sp.sin(a) - sp.sin(b)])
+def test_what_is_not_zero_does_not_vanish(expression: sp.Expr) -> None:
+    assert not vanishes(expression)
+
+
+def test_division_by_zero_has_no_value() -> None:
+    with pytest.raises(NotRepresentable):
+        Point(0)(1 / (sp.sin(a) ** 2 + sp.cos(a) ** 2 - 1))
+
+
+def test_dependence_finds_coefficients_in_known_constants() -> None:
+    """sin(a + c) is a combination of sin a and cos a, with coefficients that depend on c."""
+    found = dependence([[sp.sin(a)], [sp.cos(a)], [sp.sin(a + c)]], frozenset({c}), Terms())
+    assert found.independent == [0, 1]
+    for index, expected in ((0, sp.cos(c)), (1, sp.sin(c))):
+        assert vanishes(found.combination[2][index] - expected)
+
+
+def test_terms_differentiate_through_names() -> None:
+    terms = Terms()
+    u = terms.name("u", sp.sin(a) * x)
+    v = terms.name("v", u**2 + a)
+    assert vanishes(terms.partial(v, a) - sp.diff(terms.expand(v), a), terms.definitions)
+    rate = terms.rate(v, {a: x, x: a * b})
+    assert vanishes(rate - sp.diff(terms.expand(v), a) * x - sp.diff(terms.expand(v), x) * a * b, terms.definitions)

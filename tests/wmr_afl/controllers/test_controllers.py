@@ -1,0 +1,165 @@
+"""Controllers read like their equations, and refuse gains with which these mean nothing."""
+
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from wmr_afl.analysis.stability import error_system
+from wmr_afl.controllers import (
+    GradientAdaptation,
+    Leakage,
+    LinearizingLaw,
+    Normalization,
+    OuterLoop,
+    Projection,
+    TrackingController,
+)
+from wmr_afl.controllers.tracking_law import Action
+from wmr_afl.errors import ShapeError, WmrError
+from wmr_afl.model.laws import Situation
+from wmr_afl.model.model import Language, load_model
+from wmr_afl.numerics.arrays import CASADI, NUMPY
+from wmr_afl.numerics.linear_algebra import determinant, least_norm, regularity, solve
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_solving_equals_lapack(size: int) -> None:
+    random = np.random.default_rng(size)
+    matrix, right = random.normal(size=(size, size)), random.normal(size=size)
+    np.testing.assert_allclose(solve(matrix, right, NUMPY), np.linalg.solve(matrix, right), rtol=1e-10)
+    np.testing.assert_allclose(determinant(matrix.tolist()), np.linalg.det(matrix), rtol=1e-10)
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 2), (2, 3), (3, 4), (3, 3)])
+def test_least_norm_equals_the_pseudo_inverse(rows: int, columns: int) -> None:
+    random = np.random.default_rng(rows)
+    matrix, right = random.normal(size=(rows, columns)), random.normal(size=rows)
+    weights = random.uniform(0.5, 2.0, columns)
+    root = np.sqrt(weights)
+    expected = np.linalg.pinv(matrix / root) @ right / root
+    np.testing.assert_allclose(least_norm(matrix, right, weights, NUMPY), expected, rtol=1e-10)
+    symbolic = least_norm(ca.SX(matrix), ca.SX(right), ca.SX(weights), CASADI)
+    np.testing.assert_allclose(ca.DM(symbolic).full()[:, 0], expected, rtol=1e-10)
+
+
+def test_regularity_is_positive_for_what_can_be_inverted_whatever_the_scale_of_rows() -> None:
+    rotation, scale = np.array([[0.6, -0.8], [0.8, 0.6]]), np.diag([1e-8, 1e8])
+    for regular in (rotation, np.array([[1.0, 0.0], [1.0, 2e-9]]), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])):
+        assert regularity(regular, NUMPY) > 0.0
+        assert regularity(scale @ regular, NUMPY) > 0.0
+    for singular in ([[1.0, 2.0], [2.0, 4.0]], [[1.0, 0.0], [1.0, 5e-10]], [[0.0, 0.0], [0.0, 0.0]]):
+        assert regularity(np.array(singular), NUMPY) <= 0.0
+        assert regularity(scale @ np.array(singular), NUMPY) <= 0.0
+    assert not regularity(np.array([[np.nan, 0.0], [0.0, 1.0]]), NUMPY) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("gains", "words"),
+    [
+        ({"b1": 2.0, "b2": 1.0, "alpha": 2.0}, "strictly positive real"),
+        ({"b1": 2.0, "b2": 1.0, "alpha": 0.0}, "strictly positive real"),
+        ({"b1": 1.0, "b2": 2.0}, "b1 > alpha > 0"),
+        ({"b1": 2.0, "b2": -1.0}, "b2 > 0"),
+        ({"b1": [2.0, 0.0], "b2": 1.0}, "b1 > 0"),
+    ],
+)
+def test_gains_that_are_not_strictly_positive_real_are_refused(gains: dict, words: str) -> None:
+    with pytest.raises(WmrError, match=words):
+        OuterLoop(2, **gains)
+
+
+def test_alpha_is_the_papers_unless_given() -> None:
+    np.testing.assert_array_equal(OuterLoop(2, b1=[2.0, 4.0], b2=1.0).alpha, [0.5, 0.25])
+
+
+@pytest.mark.parametrize("gains", [(2.0, 1.0, None), (3.0, 2.0, 0.1), (3.0, 2.0, 2.9)])
+def test_p_and_q_solve_the_lyapunov_equation_of_the_positive_real_lemma(gains) -> None:
+    """(36), (41)"""
+    system = error_system(OuterLoop(3, *gains))
+    np.testing.assert_allclose(system.A.T @ system.P + system.P @ system.A, -system.Q, atol=1e-14)
+    np.testing.assert_allclose(system.P @ system.B, system.C.T, atol=1e-14)
+    assert np.linalg.eigvalsh(system.P).min() > 0
+    assert np.linalg.eigvalsh(system.Q).min() > 0
+
+
+@pytest.mark.parametrize("gain", [[[1.0, 2.0], [2.0, 1.0]], [[1.0, 1.0], [0.0, 1.0]], [1.0, -1.0], 0.0])
+def test_an_adaptation_gain_that_is_not_positive_definite_is_refused(gain) -> None:
+    with pytest.raises(WmrError, match="positive definite"):
+        GradientAdaptation(2, gain)
+
+
+def test_a_diagonal_gain_means_the_diagonal_matrix() -> None:
+    regressor, error = np.array([[1.0, 2.0, 3.0], [0.5, 0.0, -1.0]]), np.array([0.3, -0.2])
+    diagonal, matrix = GradientAdaptation(3, [1.0, 2.0, 3.0]), GradientAdaptation(3, np.diag([1.0, 2.0, 3.0]))
+    rates = [one.change(regressor, error, np.ones(3), SimpleNamespace(**one.values), 1.0) for one in (diagonal, matrix)]
+    np.testing.assert_allclose(rates[0], np.array([1.0, 2.0, 3.0]) * (regressor.T @ error))
+    np.testing.assert_allclose(rates[1], rates[0])
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: GradientAdaptation(3, [1.0, 2.0]),
+        lambda: OuterLoop(2, b1=[1.0, 2.0, 3.0], b2=1.0),
+        lambda: OuterLoop(2, b1=float("inf"), b2=1.0),
+        lambda: LinearizingLaw(2, [1.0, 2.0, 3.0]),
+    ],
+)
+def test_gains_of_a_wrong_size_are_refused(make) -> None:
+    with pytest.raises(ShapeError, match="expected"):
+        make()
+
+
+def test_bounds_must_leave_something() -> None:
+    with pytest.raises(WmrError, match="lower < upper"):
+        Projection(2, lower=1.0, upper=[2.0, 1.0])
+
+
+def test_projection_moves_only_what_is_outside() -> None:
+    projection = Projection(3, lower=[0.1, -np.inf, 0.0], upper=[np.inf, 1.0, 2.0])
+    projected = projection.project(np.array([-5.0, -5.0, 5.0]), SimpleNamespace(**projection.values), NUMPY)
+    np.testing.assert_array_equal(projected, [0.1, -5.0, 2.0])
+
+
+def test_the_estimate_must_fit_the_model(situation: Situation) -> None:
+    model = situation.numpy
+    with pytest.raises(ShapeError, match="estimate"):
+        TrackingController(model, model.known(model.parameters()), [1.0], OuterLoop(len(model.output_units), 2.0, 1.0))
+
+
+def test_normalized_adaptation_is_the_gradient_over_one_plus_the_regressors_square() -> None:
+    """Remark 5, and with it the rate stays bounded however large the regressor."""
+    regressor, error = np.array([[1.0, 2.0, 3.0], [0.5, 0.0, -1.0]]), np.array([0.3, -0.2])
+    one = GradientAdaptation(3, 2.0, normalization=Normalization(0.7))
+    k = SimpleNamespace(**one.values)
+    expected = 2.0 * regressor.T @ error / (1.0 + 0.7 * np.sum(regressor**2))
+    np.testing.assert_allclose(one.change(regressor, error, np.ones(3), k, 1.0), expected, rtol=1e-14)
+    sizes = [np.linalg.norm(one.change(10.0**n * regressor, error, np.ones(3), k, 1.0)) for n in range(12)]
+    assert max(sizes) < 1.0
+
+
+def test_leakage_pulls_each_estimate_by_its_own_rate() -> None:
+    """(51) with a diagonal Sigma."""
+    one = GradientAdaptation(2, [2.0, 3.0], Leakage(2, [0.1, 0.2]))
+    rate = one.change(np.zeros((2, 2)), np.zeros(2), np.array([5.0, -7.0]), SimpleNamespace(**one.values), 1.0)
+    np.testing.assert_allclose(rate, [-2.0 * 0.1 * 5.0, 3.0 * 0.2 * 7.0], rtol=1e-14)
+
+
+@pytest.mark.parametrize("sees_applied", [False, True])
+def test_adaptation_sees_the_commanded_or_the_applied_input(sees_applied: bool) -> None:
+    """theta_hat' = Gamma W^T E1 with W at the one or the other, where saturation makes them differ."""
+    model = load_model("type_2_0")
+    p = model.parameters()
+    adaptation = GradientAdaptation(6, 1.0, sees_applied=sees_applied)
+    law = TrackingController(
+        model, model.known(p), model.base_parameters(p), OuterLoop(2, 2.0, 1.0), None, adaptation
+    )  # fmt: skip
+    z, k, language = SimpleNamespace(**law.states), SimpleNamespace(**law.values), Language.of(model, "numpy")
+    x = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
+    action = Action(np.array([9.0, -4.0]), np.array([0.3, -0.2]), np.array(1.0))
+    applied = np.array([2.0, -1.0])
+    found = law.update(x, action, applied, z, k, 0.1, language)["theta_hat"]
+    regressor = model.regressor(x, applied if sees_applied else action.input, law.known)
+    np.testing.assert_allclose(found, law.estimate + 0.1 * regressor.T @ action.filtered_error, rtol=1e-12)

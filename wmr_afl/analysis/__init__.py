@@ -1,0 +1,1 @@
+"""What runs mean: metrics, excitation, stability, plots, animations."""

@@ -1,0 +1,95 @@
+"""A campaign's result for people: a table, plots and a file of numbers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from wmr_afl.analysis import plots
+from wmr_afl.errors import WmrError
+from wmr_afl.experiments.campaigns.result import CampaignResult, wilson
+
+BINS = 10  # of a drawn quantity, with as many runs in each
+
+
+def write(result: CampaignResult, folder: Path) -> list[Path]:
+    """summary.json and the plots.
+
+    Raises: WmrError, where the folder cannot be written.
+    """
+    summary = folder / "summary.json"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        summary.write_text(json.dumps(result.summary(), indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise WmrError(f"{summary}: cannot be written ({error.strerror})", "make room or name another --out") from None
+    files = [summary]
+    for name, figure in (("errors", draw_errors(result)), ("success", draw_success(result))):
+        files += plots.save(figure, folder / name)
+    return files
+
+
+def draw_errors(result: CampaignResult) -> Figure:
+    """The share of runs whose RMS error stays below a bound, for each output."""
+    with plots.styled():
+        figure = plots.new_figure(6.0, 3.6)
+        axes = figure.subplots()
+        share = np.arange(1, len(result) + 1) / len(result)
+        units = []
+        for index, (output, unit) in enumerate(result.outputs.items()):
+            errors = np.sort(result.runs.rms[:, index])
+            kept = np.isfinite(errors) & (errors > 0.0)
+            axes.step(
+                errors[kept], 100.0 * share[kept], where="post", label=f"{output} [{unit}]", **plots.style_of(index)
+            )
+            units.append(unit)
+        if result.criteria.rms is not None:
+            axes.axvline(result.criteria.rms, label="wanted", **plots.REFERENCE)
+        rate, low, high = result.success_rate()
+        axes.axhspan(100.0 * low, 100.0 * high, color="0.85", zorder=0)
+        axes.annotate(f"success {rate:.1%}", (0.02, 100.0 * high), xycoords=("axes fraction", "data"), va="bottom")
+        axes.set(xscale="log", ylim=(0.0, 105.0), xlabel=f"RMS tracking error [{', '.join(dict.fromkeys(units))}]")
+        axes.set(ylabel="runs that stay below [%]")
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        figure.suptitle(plots.verbatim(f"{len(result)} runs of {result.controller}"), fontsize=10)
+    return figure
+
+
+def draw_success(result: CampaignResult) -> Figure:
+    """The success rate over each drawn quantity, with 95 % bounds."""
+    drawn = {name: column for name, column in result.draws.items() if name != "noise_seed"} or dict(result.draws)
+    columns = min(3, len(drawn))
+    rows = -(-len(drawn) // columns)
+    with plots.styled():
+        figure = plots.new_figure(1.0 + 2.5 * columns, 0.9 + 1.9 * rows)
+        panels = figure.subplots(rows, columns, sharey=True, squeeze=False).ravel()
+        for axes, (name, column) in zip(panels, drawn.items(), strict=False):
+            places, rates, bounds = _binned(column, result.succeeded)
+            axes.errorbar(places, rates, bounds, fmt="o", markersize=3.5, color=plots.COLOURS[0], capsize=2)
+            axes.set(xlabel=plots.verbatim(name), ylim=(-4.0, 104.0))
+        for axes in panels[len(drawn) :]:
+            axes.remove()
+        figure.supylabel("success [%]", fontsize=9)
+        figure.suptitle(plots.verbatim(f"{len(result)} runs of {result.controller}"), fontsize=10)
+    return figure
+
+
+def _binned(
+    column: NDArray[np.float64], succeeded: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Middle of each bin, its success rate [%], and how far the bounds lie below and above."""
+    places, rates, bounds = [], [], []
+    values = np.unique(column)
+    parts = np.array_split(np.argsort(column, kind="stable"), BINS)
+    if len(values) <= BINS:  # of a choice: one point for each
+        parts = [np.flatnonzero(column == value) for value in values]
+    for part in parts:
+        rate, low, high = wilson(int(np.count_nonzero(succeeded[part])), len(part), 0.95)
+        places.append(np.median(column[part]))
+        rates.append(100.0 * rate)
+        bounds.append((100.0 * max(0.0, rate - low), 100.0 * max(0.0, high - rate)))
+    return np.array(places), np.array(rates), np.array(bounds).T

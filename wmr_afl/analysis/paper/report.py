@@ -1,0 +1,106 @@
+"""`report.html`: one self-contained page with every figure, its parameters, metrics and verdicts."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from wmr_afl.analysis.excitation import excitation
+from wmr_afl.analysis.metrics import metrics
+from wmr_afl.analysis.paper.claims import CLAIMS
+from wmr_afl.analysis.paper.figures import FIGURES
+from wmr_afl.analysis.paper.robustness import Row
+from wmr_afl.analysis.plots import Runs
+from wmr_afl.errors import SimulationError, WmrError
+from wmr_afl.experiments.assembly import assemble
+from wmr_afl.experiments.experiment import read_experiment
+from wmr_afl.simulation.result import Run
+
+_ENVIRONMENT = Environment(loader=FileSystemLoader(Path(__file__).parent), undefined=StrictUndefined, autoescape=True)
+
+
+def write_report(studies: Mapping[str, Runs], pictures: Mapping[str, Path], beyond: Sequence[Row], path: Path) -> Path:
+    """Writes the page on these studies; `pictures`: PNG files by the figures' names.
+
+    Raises: WmrError, where it cannot be written.
+    """
+    parts = [_study(name, runs, pictures) for name, runs in studies.items()]
+    text = _ENVIRONMENT.get_template("report.html.jinja").render(studies=parts, beyond=list(beyond))
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise WmrError(f"{path}: cannot be written ({error.strerror})", "name a writable folder") from None
+    return path
+
+
+def _study(name: str, runs: Runs, pictures: Mapping[str, Path]) -> dict[str, Any]:
+    told, path = read_experiment(name)
+    return {
+        "name": name,
+        "title": told.title,
+        "source": told.source,
+        "text": path.read_text(encoding="utf-8"),
+        "verdicts": [claim.judge(runs) for claim in CLAIMS if claim.experiment == name],
+        "settled_since": f"{told.simulation.duration * 5.0 / 7.0:g}",
+        "metrics": [_metrics(run) for run in runs.values()],
+        "figures": [
+            {
+                "name": figure,
+                "caption": FIGURES[figure].caption,
+                "png": base64.b64encode(png.read_bytes()).decode("ascii"),
+            }
+            for figure, png in pictures.items()
+            if FIGURES[figure].experiment == name
+        ],
+        "excitation": _excitation(name, runs),
+    }
+
+
+def _metrics(run: Run) -> dict[str, str]:
+    found = metrics(run)
+
+    def numbers(key: str, unit: str) -> str:
+        return ", ".join(f"{value:.3g}" for value in found[key]) + f" {unit}" if key in found else "–"
+
+    return {
+        "controller": run.controller,
+        "rms": numbers("rms", "m"),
+        "rms_settled": numbers("rms_settled", "m"),
+        "largest_error": numbers("largest_error_settled", "m"),
+        "largest_input": numbers("largest_input", "V"),
+        "largest_estimate": f"{found['largest_estimate']:.3g}" if "largest_estimate" in found else "–",
+        "failure": found["failure"] or "",
+    }
+
+
+def _excitation(name: str, runs: Runs) -> dict[str, Any] | None:
+    """What the reference lets be known, from the first controller's run after its start; None where it failed."""
+    run = next(iter(runs.values()))
+    loop = assemble(*read_experiment(name))[run.controller]
+    theta = np.asarray(run.model.base_parameters(loop.plant.parameters))
+    try:
+        found = excitation(run, loop.controller.known, theta, window=40.0, since=20.0)
+    except SimulationError:
+        return None
+    verdict = "excites persistently" if found.is_persistent else "does not excite persistently"
+    sentence = (
+        f"Over windows of {found.window:g} s, every base parameter in units of its true value, the integral of W^T W "
+        f"has smallest eigenvalues of at least {max(found.level.min(), 0.0):.2g} and largest ones of up to "
+        f"{found.highest.max():.3g}: the reference {verdict}."
+    )
+    rows = [
+        {
+            "name": theta_name,
+            "true": f"{true:.4g}",
+            "share": f"{share:.2f}",
+            "estimate": f"{last:.4g}",
+            "error": f"{(last - true) / true:+.0%}",
+        }
+        for theta_name, true, share, last in zip(found.names, theta, found.directions, run.estimate[-1], strict=True)
+    ]
+    return {"sentence": sentence, "rows": rows, "controller": run.controller}

@@ -1,0 +1,180 @@
+"""Plots of runs: path, outputs, errors, inputs, estimates. Each draws into axes that it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from wmr_afl.errors import WmrError
+from wmr_afl.simulation.result import Run
+
+Runs = Mapping[str, Run]
+
+
+# Distinguishable in print and with colour vision deficiencies (Okabe and Ito's palette).
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+
+
+STYLES = ("-", "--", "-.", ":")
+
+
+REFERENCE: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "linestyle": "-", "zorder": 1}
+
+
+SETTINGS: dict[Any, Any] = {
+    "font.size": 9.0,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "svg.hashsalt": "wmr-afl",  # same input, same bytes
+    "svg.fonttype": "none",
+}
+
+
+@contextmanager
+def styled() -> Iterator[None]:
+    """The project's plot settings, for the time of drawing and saving."""
+    with mpl.rc_context(SETTINGS):
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of this size [inch], without any global state."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: Figure, stem: Path) -> list[Path]:
+    """Writes `stem`.png and `stem`.svg.
+
+    Raises: WmrError, where the folder cannot be written.
+    """
+    files = [stem.with_name(stem.name + ending) for ending in (".png", ".svg")]
+    try:
+        stem.parent.mkdir(parents=True, exist_ok=True)
+        with styled():
+            figure.savefig(files[0], dpi=150, metadata={"Software": None})
+            figure.savefig(files[1], metadata={"Date": None})
+    except OSError as error:
+        raise WmrError(
+            f"{error.filename or stem}: cannot be written ({error.strerror})", "name a writable folder"
+        ) from None
+    return files
+
+
+def style_of(index: int) -> dict[str, Any]:
+    """Colour and dashes of the run at this place."""
+    return {"color": COLOURS[index % len(COLOURS)], "linestyle": STYLES[index % len(STYLES)], "zorder": 3 - 0.1 * index}
+
+
+def draw_path(axes: Axes, runs: Runs) -> None:
+    """First against second output, with the reference."""
+    reference = max(runs.values(), key=lambda run: len(run.time)).reference
+    axes.plot(reference[:, 0], reference[:, 1], label="reference", **REFERENCE)
+    for index, (name, run) in enumerate(runs.items()):
+        axes.plot(run.output[:, 0], run.output[:, 1], label=verbatim(name), **style_of(index))
+        axes.plot(*run.output[:1, :2].T, "o", color=COLOURS[index % len(COLOURS)], markersize=4)
+    names, units = _outputs(runs)
+    axes.set(xlabel=f"{names[0]} [{units[0]}]", ylabel=f"{names[1]} [{units[1]}]", aspect="equal", adjustable="datalim")
+    axes.legend(loc="best")
+
+
+def draw_output(axes: Axes, runs: Runs, output: int) -> None:
+    """One output over time, with the reference."""
+    first = max(runs.values(), key=lambda run: len(run.time))
+    axes.plot(first.time, first.reference[:, output], label="reference", **REFERENCE)
+    for index, (name, run) in enumerate(runs.items()):
+        axes.plot(run.time, run.output[:, output], label=verbatim(name), **style_of(index))
+    _over_time(axes, runs, output, "")
+
+
+def draw_error(axes: Axes, runs: Runs, output: int) -> None:
+    """One output's tracking error over time."""
+    for index, (name, run) in enumerate(runs.items()):
+        axes.plot(run.time, run.error[:, output], label=verbatim(name), **style_of(index))
+    _over_time(axes, runs, output, "error of ")
+
+
+def draw_inputs(axes: Axes, run: Run) -> None:
+    """All inputs of one run over time."""
+    for index, (name, _) in enumerate(run.model.input_units.items()):
+        axes.plot(run.time, run.input[:, index], label=name, color=COLOURS[index % len(COLOURS)], linewidth=0.6)
+    axes.set(xlabel="time [s]", ylabel="input [V]")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.2)
+
+
+def draw_estimates(axes: Axes, run: Run, true_values: np.ndarray | None = None) -> None:
+    """All estimates of one run over time; dotted, where given, the true values."""
+    for index, name in enumerate(run.model.base_parameter_units):
+        colour = COLOURS[index % len(COLOURS)]
+        dashes = STYLES[(index // len(COLOURS)) % len(STYLES)]
+        axes.plot(run.time, run.estimate[:, index], label=_pretty(name), color=colour, linestyle=dashes)
+        if true_values is not None:
+            axes.axhline(true_values[index], color=colour, linestyle=":", linewidth=0.8)
+    axes.set(xlabel="time [s]", ylabel="estimated base parameters")
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+
+
+def overview(runs: Runs, title: str) -> dict[str, Figure]:
+    """The standard figures of an experiment: path, errors, and for each controller inputs and estimates."""
+    some = next(iter(runs.values()))
+    outputs = len(some.model.output_units)
+    figures = {}
+    with styled():
+        if outputs >= 2:
+            figures["path"] = new_figure(6.0, 5.0)
+            draw_path(figures["path"].subplots(), runs)
+        figures["errors"] = new_figure(7.0, 1.6 + 1.4 * outputs)
+        rows = figures["errors"].subplots(outputs, 1, sharex=True, squeeze=False)[:, 0]
+        for output, axes in enumerate(rows):
+            draw_error(axes, runs, output)
+            axes.label_outer()
+        rows[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4)
+        figures["errors"].align_ylabels(rows)
+        figures["inputs"] = new_figure(7.0, 1.4 + 1.8 * len(runs))
+        for axes, (name, run) in zip(
+            figures["inputs"].subplots(len(runs), 1, sharex=True, squeeze=False)[:, 0], runs.items(), strict=True
+        ):
+            draw_inputs(axes, run)
+            axes.set_title(verbatim(name), loc="left", fontsize=9)
+            axes.label_outer()
+        for name, run in runs.items():
+            if run.estimate.size and np.ptp(run.estimate, axis=0).any():
+                figures[f"estimates_{name}"] = new_figure(7.0, 3.2)
+                draw_estimates(figures[f"estimates_{name}"].subplots(), run)
+        for figure in figures.values():
+            figure.suptitle(verbatim(title), fontsize=10)
+    return figures
+
+
+def verbatim(text: str) -> str:
+    """A text that a person chose, safe from matplotlib's own markup: no mathematics, no hidden legend entry."""
+    return text.replace("$", r"\$").removeprefix("_") if text.strip("_") else "(" + text + ")"
+
+
+def _over_time(axes: Axes, runs: Runs, output: int, what: str) -> None:
+    names, units = _outputs(runs)
+    axes.set(xlabel="time [s]", ylabel=f"{what}{names[output]} [{units[output]}]")
+
+
+def _outputs(runs: Runs) -> tuple[list[str], list[str]]:
+    units = next(iter(runs.values())).model.output_units
+    return list(units), list(units.values())
+
+
+def _pretty(name: str) -> str:
+    """theta3 -> a Greek letter with its index."""
+    head = name.rstrip("0123456789")
+    return rf"$\hat\theta_{{{name[len(head) :]}}}$" if head == "theta" else name

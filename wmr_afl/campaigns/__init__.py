@@ -1,6 +1,0 @@
-"""Campaigns: many runs drawn from distributions, block by block, here or on a cluster, interrupted and gone on with."""
-
-from wmr_afl.campaigns.result import CampaignResult
-from wmr_afl.campaigns.runner import campaign, replay
-
-__all__ = ["CampaignResult", "campaign", "replay"]

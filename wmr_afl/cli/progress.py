@@ -1,0 +1,55 @@
+"""Running an experiment before a person's eyes, and telling what came of it."""
+
+from __future__ import annotations
+
+from rich.markup import escape
+from rich.progress import TaskID
+from rich.table import Table
+
+from wmr_afl.analysis.metrics import metrics
+from wmr_afl.cli.terminal import console, progress_bar
+from wmr_afl.simulation.result import Run
+
+
+def run_with_progress(experiment: str, backend: str, controllers: list[str] | None) -> dict[str, Run]:
+    """Runs of an experiment, with a bar for each controller."""
+    from wmr_afl.experiments.run import run
+
+    with progress_bar() as progress:
+        tasks: dict[str, TaskID] = {}
+
+        def tell(controller: str, done: int, total: int) -> None:
+            if controller not in tasks:
+                tasks[controller] = progress.add_task(escape(f"{experiment}: {controller}"), total=total)
+            progress.update(tasks[controller], completed=done)
+
+        return run(experiment, backend, controllers, tell)
+
+
+def print_metrics(title: str, runs: dict[str, Run]) -> None:
+    """One line a run."""
+    table = Table(
+        "controller",
+        "RMS error",
+        "RMS error, settled",
+        "largest input",
+        "failure",
+        title=escape(title),
+        title_justify="left",
+    )
+    for name, run in runs.items():
+        found = metrics(run)
+        settled = f"{_row(found['rms_settled'])} (since {found['settled_since']:g} s)" if "rms" in found else "-"
+        largest = f"{max(found.get('largest_input', [0.0])):.3g} V"
+        table.add_row(
+            escape(name),
+            _row(found["rms"]) if "rms" in found else "-",
+            settled,
+            largest,
+            escape(found["failure"] or ""),
+        )
+    console.print(table)
+
+
+def _row(values: list[float]) -> str:
+    return ", ".join(f"{value:.3g}" for value in values)

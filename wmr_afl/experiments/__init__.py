@@ -1,0 +1,1 @@
+"""Experiments: read from TOML, assembled into closed loops, run."""

@@ -1,0 +1,107 @@
+"""What a campaign comes to: success rates, quantiles, worst cases."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wmr_afl.experiments.distributions import SuccessTable
+from wmr_afl.simulation.batch import BatchResult
+
+Numbers = NDArray[np.float64]
+
+
+LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+
+
+@dataclass(frozen=True)
+class CampaignResult:
+    """N runs, in the order of their indices."""
+
+    controller: str
+    outputs: dict[str, str]  # name -> unit
+    inputs: dict[str, str]
+    seed: int
+    draws: dict[str, Numbers]  # "place.name" -> (N,); with noise also "noise_seed"
+    runs: BatchResult
+    criteria: SuccessTable
+
+    def __len__(self) -> int:
+        return len(self.runs.failure_time)
+
+    @property
+    def succeeded(self) -> NDArray[np.bool_]:
+        """Runs that did not fail and kept every bound of [campaign.success], (N,)."""
+        kept = ~self.runs.failed
+        for name, bound in vars(self.criteria).items():
+            if bound is not None:
+                kept &= np.all(getattr(self.runs, name) <= bound, axis=1)
+        return kept
+
+    def success_rate(self, confidence: float = 0.95) -> tuple[float, float, float]:
+        """The share of runs that succeeded, with Wilson's bounds at this confidence."""
+        return wilson(int(np.count_nonzero(self.succeeded)), len(self), confidence)
+
+    def quantiles(self, levels: Sequence[float] = LEVELS) -> dict[str, Numbers]:
+        """Quantiles of what each run came to, by name, (levels,); a failed run's errors count as infinite."""
+        return {name: np.quantile(values, levels, method="higher") for name, values in self.measures().items()}
+
+    def measures(self) -> dict[str, Numbers]:
+        """What is told of each run, by name and unit, (N,)."""
+        columns = {}
+        for what, label in (("rms", "RMS error"), ("largest_error", "largest error")):
+            for index, (output, unit) in enumerate(self.outputs.items()):
+                columns[f"{label} of {output} [{unit}]"] = getattr(self.runs, what)[:, index]
+        columns["largest input [V]"] = self.runs.largest_input.max(axis=1, initial=0.0)
+        columns["largest estimate"] = self.runs.largest_estimate
+        return columns
+
+    def worst(self, count: int = 10) -> NDArray[np.int64]:
+        """Indices of the worst runs: first those that failed, the earliest first, then by their largest RMS error."""
+        early = np.where(self.runs.failed, self.runs.failure_time, np.inf)
+        return np.lexsort((np.arange(len(self)), -self.runs.rms.max(axis=1), early))[:count]
+
+    def told(self, index: int) -> dict[str, Any]:
+        """One run: what it drew and what it came to."""
+        failure = self.runs.failure_time[index]
+        return {
+            "run": int(index),
+            "drawn": {name: column[index].item() for name, column in self.draws.items()},
+            "failed_at": None if np.isnan(failure) else float(failure),
+            **{name: _finite(column[index]) for name, column in self.measures().items()},
+        }
+
+    def summary(self) -> dict[str, Any]:
+        """All of it in numbers that JSON takes; infinite errors are null."""
+        rate, low, high = self.success_rate()
+        return {
+            "controller": self.controller,
+            "runs": len(self),
+            "seed": self.seed,
+            "failed": int(np.count_nonzero(self.runs.failed)),
+            "success": {
+                "criteria": {name: bound for name, bound in vars(self.criteria).items() if bound is not None},
+                "rate": rate,
+                "confidence_95": [low, high],
+            },
+            "levels": list(LEVELS),
+            "quantiles": {name: [_finite(q) for q in row] for name, row in self.quantiles().items()},
+            "worst": [self.told(index) for index in self.worst()],
+        }
+
+
+def wilson(successes: int, trials: int, confidence: float) -> tuple[float, float, float]:
+    """A share and its bounds at a confidence (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    z, share = NormalDist().inv_cdf(0.5 + 0.5 * confidence), successes / trials
+    middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
+    half = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))
+    return share, max(0.0, float(middle - half)), min(1.0, float(middle + half))
+
+
+def _finite(value: float) -> float | None:
+    return float(f"{value:.9g}") if np.isfinite(value) else None

@@ -1,0 +1,91 @@
+"""A campaign from its experiment to its result, block by block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+
+from wmr_afl.errors import WmrError
+from wmr_afl.experiments.campaigns.job import Columns, Job, loop_of, prepare, variation_of
+from wmr_afl.experiments.campaigns.ledger import Ledger, clear
+from wmr_afl.experiments.campaigns.result import CampaignResult
+from wmr_afl.experiments.campaigns.workers import here, on_cluster
+from wmr_afl.experiments.distributions import BLOCK
+from wmr_afl.simulation.batch import BatchResult
+from wmr_afl.simulation.result import Run
+from wmr_afl.simulation.simulate import simulate
+
+MOST_RUNS = 10_000_000  # whose summaries still fit into a small machine's memory
+
+
+def campaign(
+    experiment: str | Path,
+    runs: int,
+    out: str | Path | None = None,
+    controller: str | None = None,
+    threads: int = 1,
+    backend: str = "auto",
+    scheduler: str | None = None,
+    fresh: bool = False,
+    progress: Callable[[int], None] = lambda done: None,
+) -> CampaignResult:
+    """Runs what the [campaign] of an experiment draws; `progress` is told how many runs were done, block by block.
+
+    `out`: a folder that keeps finished blocks, from which the same call goes on after an interruption; `fresh` begins
+    anew there. `scheduler`: address of a Dask scheduler, tcp://HOST:PORT, whose workers run the blocks.
+    Raises: InputError, UnknownNameError; WmrError, where the folder or the scheduler fails.
+    """
+    if not 1 <= runs <= MOST_RUNS:
+        raise WmrError(f"{runs} runs", f"choose 1 to {MOST_RUNS}")
+    job = prepare(experiment, controller, backend)
+    ledger = None
+    if out is not None:
+        if fresh:
+            clear(Path(out))
+        ledger = Ledger(Path(out), job.fingerprint)
+    wanted = [(block, min(BLOCK, runs - block * BLOCK)) for block in range(-(-runs // BLOCK))]
+    blocks: dict[int, Columns] = {}
+    for block, count in wanted:
+        columns = ledger.read(block, count) if ledger is not None else None
+        if columns is not None:
+            blocks[block] = columns
+            progress(count)
+    left = [(block, count) for block, count in wanted if block not in blocks]
+    finished = on_cluster(job, left, threads, scheduler) if scheduler and left else here(job, left, threads)
+    for block, columns in finished:
+        if ledger is not None:
+            ledger.write(block, columns)
+        blocks[block] = columns
+        progress(len(columns["failure_time"]))
+    return _gathered(job, [blocks[block] for block, _ in wanted])
+
+
+def _gathered(job: Job, blocks: list[Columns]) -> CampaignResult:
+    columns = {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
+    model = loop_of(job).model
+    results = {field.name: columns.pop(field.name) for field in fields(BatchResult)}
+    return CampaignResult(
+        job.controller,
+        model.output_units,
+        model.input_units,
+        job.table.seed,
+        columns,
+        BatchResult(**results),
+        job.table.success,
+    )
+
+
+def replay(experiment: str | Path, index: int, controller: str | None = None, backend: str = "auto") -> Run:
+    """One run of a campaign with all its samples.
+
+    Raises: InputError, UnknownNameError; WmrError, where there is no such run.
+    """
+    if not 0 <= index < MOST_RUNS:
+        raise WmrError(f"there is no run {index}", "runs are counted from 0")
+    job = prepare(experiment, controller)
+    loop, (block, row) = loop_of(job), divmod(index, BLOCK)
+    robot = variation_of(job, loop, block, BLOCK)[1].block(slice(row, row + 1), 1)
+    return simulate(loop, job.told.simulation.duration, f"{job.controller}, run {index}", backend, robot=robot)

@@ -1,0 +1,73 @@
+"""Experiments ready to run, assembled once for as long as their files stay the same."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from wmr_afl.errors import UnknownNameError
+from wmr_afl.experiments.assembly import assemble, model_of
+from wmr_afl.experiments.experiment import Experiment, find_experiment, read_experiment
+from wmr_afl.simulation.closed_loop import ClosedLoop
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """An experiment, the file where it stands, and the closed loop of each of its controllers."""
+
+    told: Experiment
+    path: Path
+    loops: dict[str, ClosedLoop]
+
+    def name(self, controller: str | None = None) -> str:
+        """A controller's name, checked; the first one's where none is given.
+
+        Raises: UnknownNameError.
+        """
+        name = next(iter(self.loops)) if controller is None else controller
+        if name not in self.loops:
+            raise UnknownNameError("controller", name, self.loops)
+        return name
+
+
+def load_experiment(name: str | Path) -> Loaded:
+    """A shipped experiment by name, or an experiment file.
+
+    Raises: InputError, UnknownNameError.
+    """
+    path = find_experiment(name)
+    place, text = path.absolute(), _digest([path])
+    told = _told(path, place, text)
+    return _loaded(path, place, text, _stamps(model_of(told, path)))
+
+
+@functools.lru_cache(maxsize=16)
+def _told(path: Path, place: Path, text: str) -> Experiment:
+    return read_experiment(path)[0]
+
+
+@functools.lru_cache(maxsize=16)
+def _loaded(path: Path, place: Path, text: str, model: tuple[tuple[int, int, int], ...]) -> Loaded:
+    told = _told(path, place, text)
+    return Loaded(told, path, assemble(told, path))
+
+
+def _stamps(folder: Path) -> tuple[tuple[int, int, int], ...]:
+    """Of the files of a model, which are replaced, never written into."""
+    found = (os.stat(folder / name) for name in sorted(os.listdir(folder)))
+    return tuple((file.st_ino, file.st_mtime_ns, file.st_size) for file in found)
+
+
+def _digest(files: Iterable[Path]) -> str:
+    """Of the content of files; of one that cannot be read nothing, which whoever reads it will tell."""
+    content = hashlib.sha256()
+    for file in files:
+        try:
+            content.update(file.read_bytes())
+        except OSError:
+            continue
+    return content.hexdigest()

@@ -1,0 +1,83 @@
+"""Experiment in, runs out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from wmr_afl.experiments.load import load_experiment
+from wmr_afl.experiments.vary import vary
+from wmr_afl.simulation.batch import BatchResult, _telling, advance_all, advance_blocks, summarize
+from wmr_afl.simulation.closed_loop import sample_times
+from wmr_afl.simulation.result import Run
+from wmr_afl.simulation.simulate import simulate
+from wmr_afl.simulation.trajectories import recording
+
+Progress = Callable[[str, int, int], None]  # controller, samples done, of how many
+
+
+def run(
+    experiment: str | Path,
+    backend: str = "auto",
+    controllers: Iterable[str] | str | None = None,
+    progress: Progress = lambda controller, done, total: None,
+) -> dict[str, Run]:
+    """Runs every controller of an experiment, or those named, one after the other.
+
+    `experiment`: the name of a shipped experiment or a TOML file; `backend`: "numpy" runs step by step, "casadi" traces
+    the step once and runs it by CasADi's virtual machine, "compiled" as machine code, "auto" takes the
+    faster one of these by the number of samples.
+    Raises: InputError, UnknownNameError.
+    """
+    loaded = load_experiment(experiment)
+    simulation, loops = loaded.told.simulation, loaded.loops
+    chosen = [controllers] if isinstance(controllers, str) else list(controllers or loops)
+    for name in chosen:
+        loaded.name(name)
+    runs = {}
+    for name in chosen:
+        total, done = len(sample_times(loops[name], simulation.duration)), 0
+
+        def tell(count: int, name: str = name, total: int = total) -> None:
+            nonlocal done
+            done += count
+            progress(name, done, total)
+
+        runs[name] = simulate(loops[name], simulation.duration, name, backend, tell)
+    return runs
+
+
+def run_batch(
+    experiment: str | Path,
+    controller: str | None = None,
+    parameters: Mapping[str, ArrayLike] | None = None,
+    start: Mapping[str, ArrayLike] | None = None,
+    values: Mapping[str, ArrayLike] | None = None,
+    seeds: ArrayLike | None = None,
+    since: float = 0.0,
+    threads: int = 1,
+    backend: str = "auto",
+    progress: Callable[[int], None] = lambda done: None,
+    trajectories: str | Path | None = None,
+    scale: Mapping[str, ArrayLike] | None = None,
+) -> BatchResult:
+    """Runs one controller of an experiment (the first unless named) for many robots that differ in numbers.
+
+    `parameters`, `start`: physical parameters and states by name, (N,) each; the controller knows the known constants
+    of each robot, and exact or guessed estimates follow. `values`: gains of the loop by name (b1, Gamma ...), (N, ...);
+    `scale`: factors (N,) on parameters or gains by name;
+    `seeds` (N,) of the measurement noise. Errors count since `since` [s]. `backend`: "compiled", "casadi", or "auto".
+    `trajectories`: an HDF5 file that takes all samples of all runs, chunk by chunk, whatever their number.
+    Raises: InputError, UnknownNameError; ShapeError, where the numbers of robots differ; WmrError.
+    """
+    loaded = load_experiment(experiment)
+    name, duration = loaded.name(controller), loaded.told.simulation.duration
+    loop = loaded.loops[name]
+    variation = vary(loaded.told, loop, name, parameters or {}, start or {}, values or {}, seeds, scale)
+    if trajectories is None:
+        return advance_all(loop, variation, duration, since, threads, backend, progress)
+    with recording(Path(trajectories), loop, sample_times(loop, duration), variation.count) as record:
+        blocks = advance_blocks(loop, variation, duration, since, threads, backend, record)
+        return summarize(_telling(blocks, progress), loop, duration, since)

@@ -1,0 +1,82 @@
+"""Laws of the generated code: both languages agree, batches agree with single states, Jacobians with differences."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wmr_afl.model.laws.law import Law, Numbers, Situation, relative
+
+
+def _languages_agree(s: Situation) -> float:
+    worst = 0.0
+    for name, function in s.casadi.functions().items():
+        given = [s.arguments[argument] for argument in function.name_in()]
+        batch = getattr(s.numpy, name)(*given)
+        single = np.array([function(*row).full() for row in zip(*given, strict=True)])
+        worst = max(worst, _entrywise(single.reshape(batch.shape), batch))
+    return worst
+
+
+def _entrywise(value: Numbers, expected: Numbers) -> float:
+    """Largest difference relative to the entry's own largest size over the batch.
+
+    What an entry may owe to the rounding of larger ones, from which it is left by cancellation, does not count.
+    """
+    if not value.size:
+        return 0.0
+    largest = np.max(np.abs(expected), axis=0)
+    rounding = 4.0 * np.finfo(float).eps * float(largest.max())
+    return float(np.max(np.maximum(np.abs(value - expected) - rounding, 0.0) / np.maximum(largest, 1e-300)))
+
+
+def _batches_agree(s: Situation) -> float:
+    """Leading shapes (), (2, 2), (0,), (3, 0) and broadcasting give what one by one gives."""
+    worst = 0.0
+    for name, function in s.casadi.functions().items():
+        term = getattr(s.numpy, name)
+        given = [s.arguments[argument] for argument in function.name_in()]
+        singles = np.array([term(*row) for row in zip(*given, strict=True)])
+        worst = max(worst, relative(term(*given), singles))
+        square = term(*(array[:4].reshape(2, 2, array.shape[1]) for array in given))
+        worst = max(worst, relative(square, singles[:4].reshape(2, 2, *singles.shape[1:])))
+        for shape in ((0,), (3, 0)):
+            empty = term(*(np.zeros((*shape, array.shape[1])) for array in given))
+            if empty.shape != (*shape, *singles.shape[1:]):
+                return np.inf
+        spread = term(given[0][:, None, :], *(array[None, :1, :] for array in given[1:]))
+        rows = [term(row, *(array[0] for array in given[1:])) for row in given[0]]
+        worst = max(worst, relative(spread[:, 0], np.array(rows)))
+    return worst
+
+
+def _jacobians_are_derivatives(s: Situation) -> float:
+    arguments = (s.x, s.u, s.w, s.p)
+    worst = relative(s.numpy.state_jacobian(*arguments), s.jacobian("state_derivative", "x"))
+    return max(worst, relative(s.numpy.input_jacobian(*arguments), s.jacobian("state_derivative", "u")))
+
+
+def _jacobians_are_differences(s: Situation) -> float:
+    """Central differences with Richardson's extrapolation."""
+
+    def change(step: float, wrt: int) -> Numbers:
+        given = [s.x, s.u, s.w, s.p]
+        columns = []
+        for row in np.eye(given[wrt].shape[1]):
+            ahead, behind = list(given), list(given)
+            ahead[wrt], behind[wrt] = given[wrt] + step * row, given[wrt] - step * row
+            columns.append((s.numpy.state_derivative(*ahead) - s.numpy.state_derivative(*behind)) / (2.0 * step))
+        return np.stack(columns, axis=-1)
+
+    worst = 0.0
+    for wrt, term in enumerate((s.numpy.state_jacobian, s.numpy.input_jacobian)):
+        extrapolated = (4.0 * change(0.5e-3, wrt) - change(1e-3, wrt)) / 3.0
+        worst = max(worst, relative(term(s.x, s.u, s.w, s.p), extrapolated))
+    return worst
+
+
+LAWS = (
+    Law("languages agree", "NumPy and CasADi give the same", 1e-12, _languages_agree),
+    Law("batches agree", "batches of any leading shape give what one by one gives", 1e-13, _batches_agree),
+    Law("Jacobians", "dx'/dx and dx'/du equal automatic differentiation", 1e-11, _jacobians_are_derivatives),
+    Law("differences", "dx'/dx and dx'/du equal finite differences", 1e-8, _jacobians_are_differences),
+)

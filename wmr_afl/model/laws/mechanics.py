@@ -1,0 +1,95 @@
+"""Laws of motion: constraints, inertia, power."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wmr_afl.model.laws.law import Law, Numbers, Situation, relative, times, transposed
+from wmr_input import Algebra, evaluate
+
+
+def _constraints_hold(s: Situation) -> float:
+    product = s.numpy.constraint_matrix(s.q, s.p) @ s.numpy.kinematic_matrix(s.q, s.p)
+    return relative(product, np.zeros_like(product))
+
+
+def _full_rank(s: Situation) -> float:
+    """Zero where every matrix has full rank with a margin."""
+    smallest = []
+    for matrix in (s.numpy.kinematic_matrix(s.q, s.p), transposed(s.numpy.constraint_matrix(s.q, s.p))):
+        if matrix.shape[-1]:
+            values = np.linalg.svd(matrix, compute_uv=False)
+            smallest.append(values[..., -1] / values[..., 0])
+    return max(0.0, 1e-6 - float(np.min(smallest)))
+
+
+def _coordinates_move_as_kinematics_say(s: Situation) -> float:
+    n = s.numpy.coordinate_count
+    return relative(s.state_derivative[:, :n], times(s.numpy.kinematic_matrix(s.q, s.p), s.v))
+
+
+def _inertia_is_symmetric(s: Situation) -> float:
+    inertia = s.numpy.inertia_matrix(s.q, s.p)
+    return relative(inertia, transposed(inertia))
+
+
+def _inertia_is_positive(s: Situation) -> float:
+    values = np.linalg.eigvalsh(s.numpy.inertia_matrix(s.q, s.p))
+    return max(0.0, 1e-9 - float(np.min(values[:, 0] / values[:, -1])))
+
+
+def _inertia_rate(s: Situation) -> Numbers:
+    return s.along("inertia_matrix", times(s.numpy.kinematic_matrix(s.q, s.p), s.v), "q")
+
+
+def _damping(s: Situation) -> Numbers:
+    """Back-EMF's share in Cbar: what remains at rest, for the rest is linear in v."""
+    return s.numpy.coriolis_matrix(np.hstack([s.q, 0.0 * s.v]), s.p)
+
+
+def _coriolis_is_skew(s: Situation) -> float:
+    difference = _inertia_rate(s) - 2.0 * (s.numpy.coriolis_matrix(s.x, s.p) - _damping(s))
+    return relative(difference, -transposed(difference))
+
+
+def _damping_dissipates(s: Situation) -> float:
+    damping = _damping(s)
+    lowest = np.min(np.linalg.eigvalsh((damping + transposed(damping)) / 2.0))
+    return relative(damping, transposed(damping)) + max(0.0, -float(lowest))
+
+
+def _power_balance(s: Situation) -> float:
+    n, inertia = s.numpy.coordinate_count, s.numpy.inertia_matrix(s.q, s.p)
+    acceleration = s.numpy.state_derivative(s.x, s.u, s.w, s.p)[:, n:]
+    energy_rate = np.sum(s.v * (times(inertia, acceleration) + 0.5 * times(_inertia_rate(s), s.v)), axis=1)
+    force = times(s.numpy.input_matrix(s.q, s.p), s.u) - times(_damping(s), s.v) - s.w
+    return relative(energy_rate, np.sum(s.v * force, axis=1))
+
+
+def _motors_act_where_they_turn(s: Situation) -> float:
+    """Bbar K1 = X^T K1, and the back-EMF's share in Cbar is X^T K2 X."""
+    rates = s.numpy.actuator_rates_matrix(s.q, s.p)
+    torque_gain, back_emf = (_of_motors(s, key)[:, None, :] for key in ("torque_gain", "back_emf"))
+    worst = relative(s.numpy.input_matrix(s.q, s.p), transposed(rates) * torque_gain)
+    return max(worst, relative(_damping(s), (transposed(rates) * back_emf) @ rates))
+
+
+def _of_motors(s: Situation, key: str) -> Numbers:
+    """A motor constant of every motor, from its formula in the physical parameters, (batch, n_u)."""
+    names = dict(zip(s.numpy.parameter_units, s.p.T, strict=True))
+    algebra = Algebra(names | {"pi": np.pi}, {"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan}, float)
+    values = [evaluate(motor[key], algebra) for motor in s.numpy.metadata["motors"].values()]
+    return np.stack(np.broadcast_arrays(*values, s.p[:, 0])[:-1], axis=-1)
+
+
+LAWS = (
+    Law("constraints hold", "A S = 0 (3)", 1e-12, _constraints_hold),
+    Law("full rank", "S has full column rank and A full row rank", 0.0, _full_rank),
+    Law("kinematics", "q' = S v (4) in the state derivative", 1e-12, _coordinates_move_as_kinematics_say),
+    Law("symmetric inertia", "Mbar is symmetric", 1e-12, _inertia_is_symmetric),
+    Law("positive inertia", "Mbar is positive definite", 0.0, _inertia_is_positive),
+    Law("skew symmetry", "Mbar' - 2 Cbar is skew without back-EMF", 1e-10, _coriolis_is_skew),
+    Law("dissipation", "back-EMF damps: its share in Cbar is symmetric, not negative", 1e-10, _damping_dissipates),
+    Law("power balance", "kinetic energy changes by motor work minus dissipation", 1e-10, _power_balance),
+    Law("virtual power", "motors act on v as their shafts turn: Bbar = X^T", 1e-12, _motors_act_where_they_turn),
+)

@@ -1,0 +1,1 @@
+"""Arrays for NumPy and CasADi alike; it knows no robot."""

@@ -1,0 +1,1 @@
+"""A closed loop and its numbers -> trajectories; it knows no TOML."""

@@ -1,0 +1,106 @@
+"""Plant, controller and reference as one step in discrete time: the text that NumPy runs and CasADi traces."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+
+from wmr_afl.controllers.outer_loop import tracking_error
+from wmr_afl.controllers.reference import Reference
+from wmr_afl.controllers.tracking_law import TrackingController
+from wmr_afl.model.model import Language, Model
+from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.plant.plant import Plant
+from wmr_afl.simulation.layout import Layout
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """One robot, one controller, one reference, sampled every `sample_time` [s]; each is its own and may be a key."""
+
+    model: Model
+    plant: Plant
+    controller: TrackingController
+    reference: Reference
+    sample_time: float
+
+    @functools.cached_property
+    def values(self) -> dict[str, Vector]:
+        """Parameters and gains: what may differ between robots of a batch, never the text."""
+        return {**self.plant.values, **self.controller.values}
+
+    @functools.cached_property
+    def states(self) -> dict[str, Vector]:
+        """The loop's state at the start."""
+        return {**self.plant.states, **self.controller.states}
+
+    @functools.cached_property
+    def signals(self) -> dict[str, int]:
+        """What is logged at every sample, with sizes."""
+        outputs, inputs = len(self.model.output_units), len(self.model.input_units)
+        return {
+            "x": len(self.model.state_units),
+            "u": inputs,
+            "command": inputs,
+            "e": outputs,
+            "theta_hat": len(self.model.base_parameter_units),
+            "reference": outputs,
+            "regularity": 1,
+        }
+
+    @functools.cached_property
+    def signal_layout(self) -> Layout:
+        """Where each signal lies in a row of the log."""
+        return Layout({name: np.zeros(size) for name, size in self.signals.items()})
+
+    def step(
+        self, t: Array, z: SimpleNamespace, k: SimpleNamespace, sample: Array, language: Language
+    ) -> tuple[dict[str, Array], dict[str, Array]]:
+        """From sample to sample: the next state of the loop, and the signals now.
+
+        t [s]; z: state by name; k: values by name; sample: standard normal numbers (2n-m,).
+        """
+        reference = self.reference.at(t)
+        seen = self.plant.measured(z.x, sample, k)
+        action = self.controller.act(seen, reference, z, k, language)
+        applied = self.plant.applied(action.input, z, k, language)
+        signals = {
+            "x": z.x,
+            "u": applied,
+            "command": action.input,
+            "e": tracking_error(z.x, k.c, reference, language).e,
+            "theta_hat": z.theta_hat,
+            "reference": reference.position,
+            "regularity": action.regularity,
+        }
+        following = {
+            **self.plant.update(t, action.input, applied, z, k, self.sample_time, language),
+            **self.controller.update(seen, action, applied, z, k, self.sample_time, language),
+        }
+        return following, signals
+
+
+@functools.lru_cache(maxsize=32)
+def sample_times(loop: ClosedLoop, duration: float) -> Vector:
+    """The times of all samples from 0 to `duration` [s], (T,), not to be written into."""
+    times = np.asarray(np.arange(round(duration / loop.sample_time) + 1) * loop.sample_time, dtype=np.float64)
+    times.flags.writeable = False
+    return times
+
+
+@functools.lru_cache(maxsize=32)
+def trace(loop: ClosedLoop) -> ca.Function:
+    """The loop's step as one function of flat columns: (state, t, noise sample, values) -> (next state, signals)."""
+    language = Language.of(loop.model, "casadi")
+    states, values = Layout(loop.states), Layout(loop.values)
+    z, k = ca.SX.sym("state", states.size), ca.SX.sym("values", values.size)
+    t, sample = ca.SX.sym("t"), ca.SX.sym("sample", loop.signals["x"])
+    following, now = loop.step(t, states.unpack_symbols(z), values.unpack_symbols(k), sample, language)
+    outputs = [ca.densify(states.pack_symbols(following)), ca.densify(loop.signal_layout.pack_symbols(now))]
+    return ca.Function(
+        "step", [z, t, sample, k], ca.cse(outputs), ["state", "t", "sample", "values"], ["next", "signals"]
+    )

@@ -1,0 +1,132 @@
+"""A traced step as a compiled kernel that advances one robot, or a block of robots in lockstep."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Callable
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from numpy.typing import NDArray
+
+from wmr_afl.errors import ShapeError
+from wmr_afl.simulation.kernels.block import Block, Watched, aligned
+from wmr_afl.simulation.kernels.c_compiler import library
+from wmr_afl.simulation.kernels.c_printer import Argument, Depends, Program, print_step
+
+Numbers = NDArray[np.float64]
+
+
+_ENVIRONMENT = Environment(  # C, not HTML
+    loader=FileSystemLoader(Path(__file__).parent),
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    autoescape=False,  # noqa: S701
+)
+
+
+_NOISE = 2  # the step's argument that may be left out where nothing reads it
+
+
+class Kernel:
+    """`step` (state, t, sample, values) -> (next, signals), compiled for `lanes` robots at a time.
+
+    Raises: WmrError, where it cannot be built.
+    """
+
+    def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
+        self.lanes, self.watched, self.sees_all = lanes, watched, logged
+        self.signals = step.size1_out(1) if logged else 0
+        text, self._held, self._reads_noise = kernel_text(step, watched, lanes, logged)
+        self._prepare, self._advance, self._advance_bare = _functions(text)
+
+    def start(self, state: Numbers) -> Block:
+        """At the start, state (states, lanes)."""
+        return Block(np.asarray(state, dtype=float), self.watched)
+
+    def prepare(self, values: Numbers) -> Numbers:
+        """What no step changes, from values (values, lanes): to be given to every `advance` of these robots."""
+        held = aligned((self._held, self.lanes))
+        self._prepare(_pointer(np.ascontiguousarray(values, dtype=float)), _pointer(held))
+        return held
+
+    def advance(self, block: Block, times: Numbers, noise: Numbers | None, held: Numbers) -> Numbers:
+        """Advances `block` by all `times` (T,); gives the signals (T, signals, lanes) where they are logged.
+
+        noise (T, samples, lanes), contiguous, or none where the step reads none.
+        """
+        if noise is None and self._reads_noise:
+            raise ShapeError("this loop measures with noise", "give its samples")
+        rows = np.empty((len(times), self.signals, self.lanes))
+        self._advance(
+            len(times), block.samples, _pointer(np.ascontiguousarray(times)), _pointer(noise), _pointer(held),
+            _pointer(block.rows), _pointer(rows),
+        )  # fmt: skip
+        block.samples += len(times)
+        return rows
+
+    def bound(self, block: Block, time: Numbers, noise: Numbers, held: Numbers, rows: Numbers) -> Callable[[], None]:
+        """A call that advances `block` by one sample from these arrays into `rows`, and allocates nothing.
+
+        The arrays must outlive the call.
+        """
+        pointers = (ctypes.c_void_p(_pointer(array)) for array in (time, noise, held, block.rows, rows))
+        return functools.partial(self._advance_bare, ctypes.c_size_t(1), ctypes.c_size_t(0), *pointers)
+
+
+def kernel_text(step: ca.Function, watched: Watched, lanes: int, logged: bool) -> tuple[str, int, bool]:
+    """The kernel's C text, the same for the same step; how many numbers it holds a robot; whether it reads noise."""
+    program = print_loop(step, lanes)
+    reads_noise = _NOISE in program.reads
+    text = _ENVIRONMENT.get_template("kernel.c.jinja").render(
+        lanes=lanes,
+        program=program,
+        states=step.size1_in(0),
+        kept=step.size1_in(0) + watched.rows,
+        noise=step.size1_in(_NOISE) if reads_noise else 0,
+        signals=program.results[1],
+        squared=watched.squared,
+        sized=watched.sized,
+        regularity=watched.regularity,
+        logged=logged,
+    )
+    return text, len(program.held), reads_noise
+
+
+def print_loop(step: ca.Function, lanes: int) -> Program:
+    """The step's lines of C, its arguments as the kernel's arrays."""
+    lane = f"[{{i}} * {lanes} + l]"
+    arguments = (
+        Argument(f"kept{lane}", Depends.BOTH),
+        Argument("t", Depends.TIME),
+        Argument(f"noise{lane}", Depends.BOTH),
+        Argument(f"k{lane}", Depends.ROBOT),
+    )
+    return print_step(step, arguments, alone=lanes == 1)
+
+
+@functools.lru_cache(maxsize=256)
+def _functions(text: str) -> tuple[Callable[..., None], Callable[..., None], Callable[..., None]]:
+    """`prepare`, `advance`, and `advance` without conversion of its arguments, which costs as much as a small step.
+
+    Pointers are given as numbers: NumPy keeps what they point to.
+    """
+    built = library(text)
+    size, pointer = ctypes.c_size_t, ctypes.c_void_p
+    built.prepare.argtypes, built.prepare.restype = [pointer, pointer], None
+    built.advance.argtypes, built.advance.restype = [size, size, *[pointer] * 5], None
+    bare = built["advance"]
+    bare.restype = None
+    return built.prepare, built.advance, bare
+
+
+def _pointer(array: Numbers | None) -> int | None:
+    if array is None:
+        return None
+    if not (array.flags.c_contiguous and array.dtype == np.float64):
+        raise ShapeError("a compiled kernel takes contiguous arrays of doubles")
+    return array.ctypes.data

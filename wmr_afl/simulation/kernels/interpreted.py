@@ -1,0 +1,96 @@
+"""What a compiled kernel does, by CasADi's virtual machine, robot after robot: for machines without a C compiler."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from wmr_afl.simulation.kernels.block import Block, Watched
+
+Numbers = NDArray[np.float64]
+
+
+class InterpretedKernel:
+    """`step` (state, t, sample, values) -> (next, signals), called like a `compiled.kernel.Kernel`, robot by robot."""
+
+    lanes, sees_all = 1, False
+
+    def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
+        self.watched, self._logged = watched, logged
+        self._counting = counting(step, watched, logged)
+        self._folded = functools.lru_cache(maxsize=4)(self._counting.fold)  # by number of steps: making one is slow
+
+    def start(self, state: Numbers) -> Block:
+        """At the start, state (states, 1)."""
+        return Block(np.asarray(state, dtype=float), self.watched)
+
+    def prepare(self, values: Numbers) -> Numbers:
+        """The values (values, 1) as they are."""
+        return values
+
+    def advance(self, block: Block, times: Numbers, noise: Numbers | None, held: Numbers) -> Numbers:
+        """Advances `block` by all `times` (T,); gives the signals (T, signals, 1) where they are logged."""
+        samples = np.zeros((len(times), 0)) if noise is None else noise[:, :, 0]
+        inputs = np.column_stack([times, block.samples + np.arange(len(times), dtype=float), samples])
+        given = np.concatenate([block.rows, held])[:, 0]
+        if self._logged:
+            given, signals = self._log(given, inputs)
+        else:
+            given, signals = self._folded(len(times))(given, inputs.T).full()[:, 0], np.empty((len(times), 0))
+        block.rows[:, 0] = given[: len(block.rows)]
+        block.samples += len(times)
+        return signals[:, :, None]
+
+    def _log(self, given: Numbers, inputs: Numbers) -> tuple[Numbers, Numbers]:
+        """What comes of `given` after all `inputs`, and the signals (T, signals); no array is made on the way."""
+        now, following = given.copy(), given.copy()
+        given_now, signals = np.zeros(self._counting.size1_in(1)), np.zeros(self._counting.size1_out(1))
+        run = bind(self._counting, (now, given_now), (following, signals))
+        rows = np.empty((len(inputs), len(signals)))
+        for i in range(len(inputs)):
+            given_now[:] = inputs[i]
+            run()
+            now[:] = following
+            rows[i] = signals
+        return now, rows
+
+
+def counting(step: ca.Function, watched: Watched, logged: bool) -> ca.Function:
+    """([rows of a Block; values], [t; number of the sample; sample]) -> the same one step later, and signals if logged.
+
+    The values go on from step to step with the state, which CasADi maps faster than repeating them.
+    """
+    states, noisy = step.size1_in(0), any(step.jac_sparsity(result, 2).nnz() for result in range(2))
+    kept, values = ca.SX.sym("kept", states + watched.rows), ca.SX.sym("values", step.size1_in(3))
+    t, number = ca.SX.sym("t"), ca.SX.sym("number")
+    sample = ca.SX.sym("sample", step.size1_in(2) if noisy else 0)
+    following, signals = step(kept[:states], t, sample if noisy else ca.SX.zeros(step.size1_in(2)), values)
+    squares = [kept[states + i] + signals[place] ** 2 for i, place in enumerate(watched.squared)]
+    largest = []
+    for i, group in enumerate(watched.sized):
+        size = kept[states + len(squares) + i]
+        for place in group:
+            size = ca.if_else(ca.fabs(signals[place]) > size, ca.fabs(signals[place]), size)  # what is no number never
+        largest.append(size)
+    failed = ca.if_else(signals[watched.regularity] > 0.0, kept[-1], ca.fmin(number, kept[-1]))
+    after = ca.vertcat(following, *squares, *largest, failed, values)
+    outputs = ca.cse([after, signals] if logged else [after])
+    return ca.Function("counting", [ca.vertcat(kept, values), ca.vertcat(t, number, sample)], outputs)
+
+
+def bind(function: ca.Function, arguments: Sequence[Numbers], results: Sequence[Numbers]) -> Callable[[], None]:
+    """A call that evaluates `function` from the arrays `arguments` into the arrays `results`, contiguous doubles."""
+    buffer, run = function.buffer()
+    for place, array in enumerate(arguments):
+        buffer.set_arg(place, memoryview(array))  # type: ignore[arg-type, call-arg]
+    for place, array in enumerate(results):
+        buffer.set_res(place, memoryview(array))  # type: ignore[arg-type, call-arg]
+
+    def call(buffer: ca.FunctionBuffer = buffer) -> None:  # which must live as long as the call
+        run()
+
+    return call

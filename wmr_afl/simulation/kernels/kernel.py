@@ -1,0 +1,48 @@
+"""How a traced step is run: by machine code, or by CasADi's virtual machine."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Mapping
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from wmr_afl.errors import BackendWarning, CompilerError
+from wmr_afl.simulation.kernels.block import Block, Watched
+from wmr_afl.simulation.kernels.compiled import Kernel as CompiledKernel
+from wmr_afl.simulation.kernels.interpreted import InterpretedKernel
+
+Numbers = NDArray[np.float64]
+
+
+class Kernel(Protocol):
+    """Advances a block of robots: `start`, `prepare` once, then `advance` as often as wanted."""
+
+    lanes: int
+    sees_all: bool  # whether a signal that is not finite counts as a failure, too
+
+    def start(self, state: Numbers) -> Block: ...
+    def prepare(self, values: Numbers) -> Numbers: ...
+    def advance(self, block: Block, times: Numbers, noise: Numbers | None, held: Numbers) -> Numbers: ...
+
+
+MakeKernel = Callable[[ca.Function, Watched, int, bool], Kernel]  # of step, watched signals, lanes, logged
+
+
+def compiled_if_possible(step: ca.Function, watched: Watched, lanes: int, logged: bool) -> Kernel:
+    """Machine code; without a compiler that works, the virtual machine and a BackendWarning."""
+    try:
+        return CompiledKernel(step, watched, lanes, logged)
+    except CompilerError as error:
+        warnings.warn(f"{error.problem}; running on CasADi's virtual machine, slowly", BackendWarning, stacklevel=2)
+        return InterpretedKernel(step, watched, lanes, logged)
+
+
+KERNELS: Mapping[str, MakeKernel] = {
+    "compiled": CompiledKernel,
+    "casadi": InterpretedKernel,
+    "auto": compiled_if_possible,
+}

@@ -1,0 +1,74 @@
+"""The result of one closed loop: signals over time, and what can be said of them in numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wmr_afl.errors import SimulationError
+from wmr_afl.model.model import Model
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a run ended before its time."""
+
+    time: float  # [s]
+    cause: str
+
+    def __str__(self) -> str:
+        return f"stopped at t = {self.time:g} s: {self.cause}"
+
+
+@dataclass(frozen=True, repr=False)
+class Run:
+    """One robot under one controller; T samples, one row each. A run that failed holds what came before."""
+
+    controller: str
+    model: Model
+    time: Matrix  # (T,) [s]
+    state: Matrix  # (T, 2n-m)
+    input: Matrix  # (T, n_u) [V], as applied
+    command: Matrix  # (T, n_u) [V], as the controller wanted it
+    error: Matrix  # (T, n-m), e = y - yr of the true state
+    estimate: Matrix  # (T, n_theta)
+    reference: Matrix  # (T, n-m)
+    failure: Failure | None = None
+
+    def __repr__(self) -> str:
+        end = str(self.failure) if self.failure else "complete"
+        return f"<Run of {self.model.name} under {self.controller}: {len(self.time)} samples, {end}>"
+
+    @property
+    def output(self) -> Matrix:
+        """y = h(q), (T, n-m)."""
+        return self.error + self.reference
+
+    def rms(self, since: float = 0.0, until: float = np.inf) -> Matrix:
+        """Root mean square of the tracking error from `since` to `until` [s], (n-m,).
+
+        Raises: SimulationError, where the run failed before `until` or holds no sample in between.
+        """
+        return np.sqrt(np.mean(self._window(since, until) ** 2, axis=0))
+
+    def largest_error(self, since: float = 0.0, until: float = np.inf) -> Matrix:
+        """Largest absolute tracking error from `since` to `until` [s], (n-m,).
+
+        Raises: SimulationError, as `rms`.
+        """
+        return np.max(np.abs(self._window(since, until)), axis=0)
+
+    def _window(self, since: float, until: float) -> Matrix:
+        if self.failure is not None and self.failure.time <= until:
+            raise SimulationError(f"{self.controller} {self.failure}", "ask for a window before that time")
+        rows = (self.time >= since) & (self.time <= until)
+        if not rows.any():
+            lasts = f"{self.time[-1]:g} s" if len(self.time) else "no sample"
+            raise SimulationError(
+                f"no sample of {self.controller} between {since:g} s and {until:g} s", f"the run lasts {lasts}"
+            )
+        return self.error[rows]

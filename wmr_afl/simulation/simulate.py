@@ -1,0 +1,103 @@
+"""Running a closed loop from its start to its end, or to its failure."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wmr_afl.errors import SimulationError
+from wmr_afl.plant.measurement_noise import normal_samples
+from wmr_afl.simulation.closed_loop import ClosedLoop, sample_times
+from wmr_afl.simulation.ensemble import Variation, nominal
+from wmr_afl.simulation.layout import Layout
+from wmr_afl.simulation.result import Failure, Run
+from wmr_afl.simulation.steppers import stepper
+
+Progress = Callable[[int], None]  # told how many samples were done
+
+
+Rows = NDArray[np.float64]
+
+
+class SimulationWarning(UserWarning):
+    """A run ended before its time."""
+
+
+def simulate(
+    loop: ClosedLoop,
+    duration: float,
+    name: str = "",
+    backend: str = "auto",
+    progress: Progress = lambda done: None,
+    robot: Variation | None = None,
+) -> Run:
+    """Runs `loop` for `duration` [s], as it is or with the numbers of one `robot`.
+
+    A singular Dhat or a state that is not finite ends the run: it keeps what was computed up to there, names time and
+    cause in `failure`, and a SimulationWarning is given.
+    Raises: SimulationError, where the run is shorter than a sample; UnknownNameError, where there is no such backend.
+    """
+    if loop.sample_time > duration:
+        raise SimulationError(f"a sample of {loop.sample_time:g} s is longer than the run of {duration:g} s")
+    times, signals = sample_times(loop, duration), loop.signal_layout
+    robot = robot or _as_it_is(loop)
+    noise = normal_samples(robot.generator(0), len(times), loop.signals["x"]) if loop.plant.noise else None
+    blocks, done, failure = [], 0, None
+    with np.errstate(all="ignore"):  # what is not finite is looked for below
+        for chunk in stepper(backend)(loop, robot, times, noise):
+            blocks.append(chunk.rows)
+            failure = None if chunk.is_sound else _failure(chunk.rows, times[done:], signals)
+            done = done + len(chunk.rows) if failure is None else int(np.searchsorted(times, failure.time))
+            progress(len(chunk.rows))
+            if failure is not None:
+                warnings.warn(f"{name or loop.model.name} {failure}", SimulationWarning, stacklevel=2)
+                break
+    rows = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
+    logged = {signal: rows[:done, place] for signal, place in signals.places.items()}
+    return Run(
+        controller=name,
+        model=loop.model,
+        time=times[:done],
+        state=logged["x"],
+        input=logged["u"],
+        command=logged["command"],
+        error=logged["e"],
+        estimate=logged["theta_hat"],
+        reference=logged["reference"],
+        failure=failure,
+    )
+
+
+@functools.lru_cache(maxsize=32)
+def _as_it_is(loop: ClosedLoop) -> Variation:
+    return nominal([loop])
+
+
+def _failure(block: Rows, times: Rows, signals: Layout) -> Failure | None:
+    """The first sample of a block that is singular or not finite."""
+    regularity = block[:, signals.places["regularity"]][:, 0]
+    if np.isfinite(block.sum()) and regularity.min() > 0.0:  # the usual case, looked at quickly
+        return None
+    finite = np.isfinite(block).all(axis=1)
+    bad = np.flatnonzero(~finite | (regularity <= 0.0))
+    if not len(bad):
+        return None
+    k = int(bad[0])
+    for signal, cause in _CAUSES.items():  # from cause to effect
+        value = block[k, signals.places[signal]]
+        if not np.isfinite(value).all() or (signal == "regularity" and value[0] <= 0.0):
+            return Failure(float(times[k]), cause)
+    return Failure(float(times[k]), "a signal is not finite")
+
+
+_CAUSES = {
+    "x": "the state is not finite: the loop diverged",
+    "theta_hat": "the estimate is not finite",
+    "e": "the reference or the output is not finite there",
+    "regularity": "the estimated decoupling matrix is singular; bound the estimates",
+    "command": "the input is not finite: the loop diverged; bound the estimates, lower the gains or sample faster",
+}

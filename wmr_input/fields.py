@@ -1,0 +1,66 @@
+"""Kinds of values in an experiment's tables: numbers, numbers by name, and one line for what is neither."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
+
+from wmr_input.errors import FieldError
+
+
+def either(what: str) -> WrapValidator:
+    """Where a value may be of several kinds, one line says which, instead of one line a kind."""
+
+    def told(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return validate(value)
+        except ValidationError:
+            shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
+            raise FieldError(f"{shown} does not fit", f"expected {what}") from None
+
+    return WrapValidator(told)
+
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+Positive = Annotated[Number, Field(gt=0)]
+
+
+NotNegative = Annotated[Number, Field(ge=0)]
+
+
+Numbers = Annotated[Number | list[Number], either("a finite number, or a list of them")]
+
+
+ByName = Annotated[Number | dict[str, Number], either("a finite number, or a table name = number")]
+
+
+Named = Annotated[
+    Number | list[Number] | dict[str, Number],
+    either("a finite number, a list of them, or a table name = number"),
+]
+
+
+Estimate = Annotated[
+    Literal["exact"] | Number | list[Number] | dict[str, Number],
+    either('"exact", a finite number, a list of them, or a table name = number'),
+]
+
+
+Gain = Annotated[
+    Number | list[Number] | list[list[Number]] | dict[str, Number],
+    either("a finite number, a list of them, a square matrix, or a table name = number"),
+]
+
+
+class Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)

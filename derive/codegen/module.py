@@ -79,7 +79,7 @@ def _print_function(quantity: Quantity, terms: Terms, module_names: set[str]) ->
     inputs = {symbol: _free(symbol.name, reserved) for arg in quantity.arguments for symbol in arg.entries}
     steps = statements(quantity.expression, terms, reserved | set(inputs.values()))
     code = PythonCode(inputs)
-    size = (quantity.expression.rows,) if quantity.is_vector else quantity.expression.shape
+    size = quantity.size
     body = [
         f"{inputs[symbol]} = {argument.name}[{index}]"
         for argument in quantity.arguments

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
@@ -38,6 +39,22 @@ class Quantity:
     @property
     def is_vector(self) -> bool:
         return len(self.shape) == 1
+
+    @property
+    def size(self) -> tuple[int, ...]:
+        """`shape` in numbers."""
+        return (self.expression.rows,) if self.is_vector else self.expression.shape
+
+    @property
+    def signature(self) -> dict[str, Any]:
+        """What a caller needs to know of the function, ready for JSON."""
+        return {
+            "arguments": [argument.name for argument in self.arguments],
+            "shape": self.shape,
+            "size": self.size,
+            "equation": self.equation,
+            "meaning": self.meaning,
+        }
 
 
 def arguments_of(derivation: Derivation) -> dict[str, Argument]:

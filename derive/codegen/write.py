@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-import json
 import os
 import tempfile
 from collections.abc import Callable, Iterable
@@ -18,9 +17,10 @@ from ..derivation import Derivation, Progress, derive_robot, telling
 from ..description.tables import read_description
 from .derivation_report import print_report
 from .dialects import CASADI, NUMPY
+from .json_text import json_text
 from .metadata import Metadata, describe
 from .module import print_module
-from .quantities import quantities
+from .quantities import Quantity, quantities
 
 Files = dict[str, str]  # path below the output folder -> text
 
@@ -57,15 +57,19 @@ def files_of(derivation: Derivation, path: Path, progress: Progress = lambda ste
         progress(dialect.file)
         files[dialect.file] = print_module(functions, derivation.terms, metadata, dialect)
     progress("report")
-    files["model.json"] = _print_json(metadata, [one.name for one in functions], path)
+    files["model.json"] = _print_json(metadata, functions, path)
     files["derivation.md"] = print_report(derivation, metadata, functions)
     return files
 
 
-def _print_json(metadata: Metadata, functions: list[str], path: Path) -> str:
-    digest = hashlib.sha256(path.read_text(encoding="utf-8").encode()).hexdigest()
-    content = {"sympy": sp.__version__, "description_sha256": digest, "functions": functions, **vars(metadata)}
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
+def _print_json(metadata: Metadata, functions: list[Quantity], path: Path) -> str:
+    content = {
+        "sympy": sp.__version__,
+        "description_sha256": hashlib.sha256(path.read_text(encoding="utf-8").encode()).hexdigest(),
+        "functions": {one.name: one.signature for one in functions},
+        **vars(metadata),
+    }
+    return json_text(content)
 
 
 def write(files: Files, out: Path) -> None:

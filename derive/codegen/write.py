@@ -21,6 +21,7 @@ from .json_text import json_text
 from .metadata import Metadata, describe
 from .module import print_module
 from .quantities import Quantity, quantities
+from .trusted_values import trusted_values
 
 Files = dict[str, str]  # path below the output folder -> text
 
@@ -56,7 +57,8 @@ def files_of(derivation: Derivation, path: Path, progress: Progress = lambda ste
     for dialect in (NUMPY, CASADI):
         progress(dialect.file)
         files[dialect.file] = print_module(functions, derivation.terms, metadata, dialect)
-    progress("report")
+    progress("values and report")
+    files["trusted_values.json"] = json_text(trusted_values(derivation, functions))
     files["model.json"] = _print_json(metadata, functions, path)
     files["derivation.md"] = print_report(derivation, metadata, functions)
     return files

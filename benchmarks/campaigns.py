@@ -21,7 +21,7 @@ from wmr_afl.experiments.distributions import BLOCK
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.simulation.batch import LANES, kernel_of
 from wmr_afl.simulation.closed_loop import sample_times
-from wmr_afl.simulation.ensemble import nominal
+from wmr_afl.simulation.ensemble import Ensemble
 
 RUNS = 100_000
 WORKERS = (1, 2)
@@ -43,8 +43,8 @@ def kernel_seconds() -> float:
     """Seconds of one run of study 1 by the batch's kernel alone, in a block."""
     loaded = load_experiment("study_1")
     loop = loaded.loops["AFL"]
-    kernel, times = kernel_of(loop, "compiled", False), sample_times(loop, loaded.told.simulation.duration)
-    robots = nominal([loop]).block(slice(0, 1), LANES)
+    kernel, times = kernel_of(loop, "compiled", False), sample_times(loop, loaded.experiment.simulation.duration)
+    robots = Ensemble.of([loop]).block(slice(0, 1), LANES)
     held = kernel.prepare(robots.values)
     best = best_times({"kernel": lambda: kernel.advance(kernel.start(robots.states), times, None, held)}, 2.0, 20)
     return best["kernel"] / LANES

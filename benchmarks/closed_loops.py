@@ -92,7 +92,7 @@ def in_terminal(results: list[Result], promises: list[Target]) -> Group:
 
 def in_markdown(results: list[Result], promises: list[Target]) -> str:
     """For a page."""
-    parts = [f"Measured on {machine.told(machine.machine())}."]
+    parts = [f"Measured on {machine.described(machine.machine())}."]
     parts += [f"{title}:\n\n{tables.in_markdown(HEADINGS, rows, left=1)}" for title, rows in _grouped(results)]
     parts.append(tables.in_markdown(TARGETS, [promise.row() for promise in promises], left=1))
     return "\n\n".join(parts)

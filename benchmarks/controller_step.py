@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 from rich.table import Table
 
 from benchmarks.timing import best_times
 from wmr_afl.experiments.assembly import assemble
 from wmr_afl.experiments.experiment import read_experiment
-from wmr_afl.model.model import Language
+from wmr_afl.numerics.parts import by_part
 from wmr_afl.simulation.simulate import simulate
 
 
 def measure() -> Table:
-    """Time of one step [us] in each language."""
+    """Time of one step [us] in each library."""
     loop = assemble(*read_experiment("study_1"))["AFL"]
-    language = Language.of(loop.model, "numpy")
-    z, k, x = SimpleNamespace(**loop.states), SimpleNamespace(**loop.values), loop.plant.start
+    model = loop.model.in_library("numpy")
+    z, k, x = by_part(loop.states), by_part(loop.values), loop.plant.start
     reference = loop.reference.at(0.0)
 
     def controller() -> object:
-        action = loop.controller.act(x, reference, z, k, language)
-        return loop.controller.update(x, action, action.input, z, k, loop.sample_time, language)
+        action = loop.law.act(x, reference, z, k, model)
+        return loop.law.update(x, action, action.input, z, k, model, loop.sample_time)
 
     runs = {backend: (lambda b=backend: simulate(loop, 20.0, backend=b)) for backend in ("numpy", "casadi")}
     stepwise, traced = runs["numpy"](), runs["casadi"]()

@@ -31,7 +31,7 @@ def machine() -> dict[str, str | int]:
     return found
 
 
-def told(found: dict[str, str | int]) -> str:
+def described(found: dict[str, str | int]) -> str:
     """One sentence of it."""
     packages = ", ".join(f"{name} {found[name]}" for name in ("Python", *PACKAGES) if name in found)
     return (

@@ -174,7 +174,7 @@ def main(
     if table is not None:
         text = "\n\n".join(
             (
-                f"Measured on {machine.told(machine.machine())}.",
+                f"Measured on {machine.described(machine.machine())}.",
                 tables.in_markdown(HEADINGS, rows(found), left=1),
                 tables.in_markdown(campaigns.HEADINGS, campaigns.rows(workers), left=1),
             )

@@ -12,7 +12,7 @@ from wmr_afl.simulation.simulate import simulate
 
 def one(work: Work, backend: str = "compiled") -> Callable[[], Run]:
     """A run of the assembled loop, the same loop every time."""
-    loop, duration = work.loop, work.told.simulation.duration
+    loop, duration = work.loop, work.experiment.simulation.duration
 
     def run() -> Run:
         return simulate(loop, duration, backend=backend)

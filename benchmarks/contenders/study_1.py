@@ -7,14 +7,14 @@ import numpy as np
 from benchmarks.contenders.work import Numbers, Work
 
 ROBOT = ("r", "b", "d", "L", "m_C", "m_w", "I_m", "I_C", "K1", "K2")
-GAINS = ("b1", "b2", "alpha", "Gamma", "lower")  # 2, 2, 2, 6, 6 numbers
+GAINS = ("outer_loop.b1", "outer_loop.b2", "outer_loop.alpha", "adaptation.Gamma", "projection.lower")  # 2, 2, 2, 6, 6 numbers
 STATES, PLANT, ESTIMATES, ERRORS, SIGNALS = 11, 5, 6, 2, 15
 SINGULAR = 1e-9  # regularity below which a run is lost
 
 
 def numbers(work: Work) -> Numbers:
     """(N, 33): the robot's parameters, the gains, the circle's centre (2), radius and rate, and the sample time."""
-    loop, circle = work.loop, work.told.reference.circle
+    loop, circle = work.loop, work.experiment.reference.circle
     units = list(loop.model.parameter_units)
     ends = np.cumsum([0, *(np.size(value) for value in loop.values.values())])
     place = dict(zip(loop.values, ends, strict=False))

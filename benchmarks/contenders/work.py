@@ -40,12 +40,12 @@ class Work:
     parameters: Mapping[str, Numbers] = field(default_factory=dict)
 
     @cached_property
-    def told(self) -> Experiment:
+    def experiment(self) -> Experiment:
         return read_experiment(self.file)[0]
 
     @cached_property
     def loop(self) -> ClosedLoop:
-        return assemble(self.told, self.file)[self.controller]
+        return assemble(self.experiment, self.file)[self.controller]
 
     @property
     def robots(self) -> int:
@@ -54,7 +54,7 @@ class Work:
     @cached_property
     def times(self) -> Numbers:
         """(T,) [s]"""
-        count = round(self.told.simulation.duration / self.loop.sample_time) + 1
+        count = round(self.experiment.simulation.duration / self.loop.sample_time) + 1
         return np.arange(count) * self.loop.sample_time
 
     def states(self) -> Numbers:

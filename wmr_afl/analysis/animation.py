@@ -15,11 +15,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from wmr_afl.analysis.geometry import Geometry, Numbers
+from wmr_afl.analysis.geometry import Geometry
 from wmr_afl.analysis.plots import COLOURS, REFERENCE, styled, verbatim
 from wmr_afl.errors import WmrError
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.result import Run
 
 Progress = Callable[[int, int], None]  # pictures done, of how many
@@ -34,7 +35,6 @@ LONGEST_LINE = 1000  # points of a drawn path
 
 def animate(
     run: Run,
-    parameters: ArrayLike,
     path: str | Path,
     frames_per_second: int = 20,  # at most 50
     speed: float = 1.0,
@@ -42,14 +42,13 @@ def animate(
 ) -> Path:
     """Writes a run, up to its failure where it failed, to a .gif or .mp4 file; `speed` times as fast as it was.
 
-    `parameters`: the plant's, p (n_p,).
     Raises: WmrError, where the file cannot be written, the run has less than two samples, or too many pictures.
     """
     file = check_file(path)
     rows = _rows(run, frames_per_second, speed)
     writer: AbstractMovieWriter = (PillowWriter if file.suffix.lower() == ".gif" else FFMpegWriter)(frames_per_second)
     with styled():
-        scene = Scene(run, parameters, rows, speed)
+        scene = Scene(run, rows, speed)
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
             with writer.saving(scene.figure, str(file), DPI):
@@ -99,9 +98,9 @@ def _rows(run: Run, frames_per_second: int, speed: float) -> NDArray[np.int_]:
 class Scene:
     """The figure of a run and what moves in it; `rows` are the samples to show, (pictures,)."""
 
-    def __init__(self, run: Run, parameters: ArrayLike, rows: NDArray[np.int_], speed: float = 1.0) -> None:
+    def __init__(self, run: Run, rows: NDArray[np.int_], speed: float = 1.0) -> None:
         self.run, self.rows, self._speed = run, rows, speed
-        geometry = Geometry(run.model, parameters)
+        geometry = Geometry(run.model, run.parameters)
         self.shapes = geometry.shapes(run.state[rows])
         self.tracked = list(run.model.output_units.values())[:2] == ["m", "m"]  # the output is a point of the plane
         self.point = (run.output if self.tracked else next(iter(geometry.frames(run.state).values())))[:, :2]
@@ -128,7 +127,7 @@ class Scene:
         what = verbatim(shorten(self.run.model.title, 90)), verbatim(self.run.controller or self.run.model.name)
         self._title.set_text(f"{what[0]}\n{what[1]}{pace}: t = {time[picture]:.{digits}f} s")
 
-    def _views(self) -> tuple[Numbers, float, Numbers, float]:
+    def _views(self) -> tuple[Floats, float, Floats, float]:
         """Middle (2,) and half the side [m] of the whole scene, and of the close-up in each picture, (pictures, 2)."""
         points = self.shapes.points
         home, point = points[0], self.point[self.rows, None]
@@ -189,12 +188,12 @@ class _Panel:
         self._joints.set_data(*self._scene.shapes.joints[picture].T)
 
 
-def _extent(points: Numbers) -> float:
+def _extent(points: Floats) -> float:
     """The longer side of the box around points (k, 2) [m]."""
     return float(np.max(np.ptp(points, axis=0), initial=1e-3))
 
 
-def _set_view(axes: Axes, middle: Numbers, half: float) -> None:
+def _set_view(axes: Axes, middle: Floats, half: float) -> None:
     """A square view with a tick at every round number of metres."""
     magnitude = 10.0 ** np.floor(np.log10(half / 1.5))
     step = magnitude * max((factor for factor in (2.0, 5.0) if factor * magnitude <= half / 1.5), default=1.0)

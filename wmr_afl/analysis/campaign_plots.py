@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from wmr_afl.analysis import plots
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.campaigns.result import CampaignResult, wilson
+from wmr_afl.numerics.arrays import Floats
 
 BINS = 10  # of a drawn quantity, with as many runs in each
 
@@ -78,9 +79,7 @@ def draw_success(result: CampaignResult) -> Figure:
     return figure
 
 
-def _binned(
-    column: NDArray[np.float64], succeeded: NDArray[np.bool_]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _binned(column: Floats, succeeded: NDArray[np.bool_]) -> tuple[Floats, Floats, Floats]:
     """Middle of each bin, its success rate [%], and how far the bounds lie below and above."""
     places, rates, bounds = [], [], []
     values = np.unique(column)

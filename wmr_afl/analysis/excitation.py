@@ -5,13 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wmr_afl.errors import SimulationError
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.result import Run
-
-Numbers = NDArray[np.float64]
-
 
 WEAKEST = 1e-6  # of the best determined direction; what is weaker does not count as determined
 
@@ -21,10 +18,10 @@ class Excitation:
     """Integrals of W^T W over windows of a run, W scaled so that every base parameter counts relative to its size."""
 
     window: float  # T0 [s]
-    starts: Numbers  # (windows,) [s]
-    level: Numbers  # (windows,), alpha of (47): smallest eigenvalue of the integral
-    highest: Numbers  # (windows,), beta of (47)
-    directions: Numbers  # (n_theta,): share of each parameter's own axis that the whole run determines, 0 to 1
+    starts: Floats  # (windows,) [s]
+    level: Floats  # (windows,), alpha of (47): smallest eigenvalue of the integral
+    highest: Floats  # (windows,), beta of (47)
+    directions: Floats  # (n_theta,): share of each parameter's own axis that the whole run determines, 0 to 1
     names: tuple[str, ...]
 
     @property
@@ -38,17 +35,17 @@ class Excitation:
         return tuple(name for name, share in zip(self.names, self.directions, strict=True) if share > 0.99)
 
 
-def excitation(run: Run, known: Numbers, scale: Numbers, window: float = 20.0, since: float = 0.0) -> Excitation:
+def excitation(run: Run, scale: Floats, window: float = 20.0, since: float = 0.0) -> Excitation:
     """The excitation (47) of a run's regressor from `since` [s] on, in windows of `window` [s] that overlap by half.
 
-    `known` (n_c,); `scale` (n_theta,): the sizes that base parameters are measured in, as their true values.
+    `scale` (n_theta,): the sizes that base parameters are measured in, as their true values.
     Raises: SimulationError, where the run is shorter than a window.
     """
     rows = run.time >= since
     time = run.time[rows]
     if len(time) < 2 or time[-1] - time[0] < window:
         raise SimulationError(f"{run.controller} holds no window of {window:g} s since {since:g} s")
-    regressor = run.model.with_backend("numpy").regressor(run.state[rows], run.input[rows], known) * np.abs(scale)
+    regressor = run.model.in_library("numpy").regressor(run.state[rows], run.input[rows], run.known) * np.abs(scale)
     squares = np.einsum("tij,tik->tjk", regressor, regressor)
     step = float(time[1] - time[0])
     total = np.concatenate([np.zeros((1, *squares.shape[1:])), np.cumsum(squares, axis=0) * step])
@@ -61,13 +58,13 @@ def excitation(run: Run, known: Numbers, scale: Numbers, window: float = 20.0, s
     )
 
 
-def _determined(integral: Numbers) -> Numbers:
+def _determined(integral: Floats) -> Floats:
     """The squared length of every axis' part in the space that the integral determines."""
     values, vectors = np.linalg.eigh(integral)
     kept = vectors[:, values > WEAKEST * values[-1]]
     return np.asarray(np.sum(kept**2, axis=1))
 
 
-def estimate_error(run: Run, theta: Numbers) -> Numbers:
+def estimate_error(run: Run, theta: Floats) -> Floats:
     """(theta_hat - theta) / theta over time, (T, n_theta), where theta is known."""
     return np.asarray((run.estimate - theta) / theta)

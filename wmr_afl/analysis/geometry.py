@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wmr_afl.errors import InputError, WmrError
 from wmr_afl.model.model import Model
-from wmr_input import LONGEST_FORMULA, Algebra, evaluate
-
-Numbers = NDArray[np.float64]
-
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.formulas import numpy_value
 
 WIDTH = 0.6  # of a wheel, over its radius; a description tells no width
 
@@ -22,22 +19,19 @@ WIDTH = 0.6  # of a wheel, over its radius; a description tells no width
 _ARROW = np.array([[0, 0.02], [0.75, 0.02], [0.75, 0.1], [1, 0], [0.75, -0.1], [0.75, -0.02], [0, -0.02]])
 
 
-_FUNCTIONS = {"sin": np.sin, "cos": np.cos, "tan": np.tan, "sqrt": np.sqrt, "exp": np.exp}
-
-
 @dataclass(frozen=True)
 class Shapes:
     """A robot as seen from above at T times: lines and polygons by their corners x, y [m], each (T, corners, 2)."""
 
-    hulls: list[Numbers]  # of every frame that joins two parts or more
-    links: list[Numbers]  # from every frame's origin to its wheels, its bodies and what hangs on it
-    wheels: list[Numbers]
-    rollers: list[Numbers]  # of Swedish wheels, the axles of those on the ground, three a wheel
-    arrow: list[Numbers]  # along the heading of the root, the frame that carries all others
-    joints: Numbers  # where the other frames hang, (T, joints, 2)
+    hulls: list[Floats]  # of every frame that joins two parts or more
+    links: list[Floats]  # from every frame's origin to its wheels, its bodies and what hangs on it
+    wheels: list[Floats]
+    rollers: list[Floats]  # of Swedish wheels, the axles of those on the ground, three a wheel
+    arrow: list[Floats]  # along the heading of the root, the frame that carries all others
+    joints: Floats  # where the other frames hang, (T, joints, 2)
 
     @property
-    def points(self) -> Numbers:
+    def points(self) -> Floats:
         """Every point that is drawn, (T, points, 2)."""
         return np.concatenate([*self.links, *self.wheels, *self.arrow, self.joints], axis=1)
 
@@ -58,22 +52,22 @@ class Geometry:
             if not isinstance(self._parts.get(kind), dict) or not self._parts["frames"]:
                 raise InputError(self._file, f"geometry {kind}", "is missing or damaged", "derive the robot again")
 
-    def frames(self, states: ArrayLike) -> dict[str, Numbers]:
+    def frames(self, states: ArrayLike) -> dict[str, Floats]:
         """x [m], y [m] and heading [rad] of every frame, the root first, at states (T, 2n-m) or q (T, n), (T, 3)."""
         return self._poses("frames", states)
 
-    def wheels(self, states: ArrayLike) -> dict[str, Numbers]:
+    def wheels(self, states: ArrayLike) -> dict[str, Floats]:
         """As `frames`, of every wheel's hub and its rolling direction."""
         return self._poses("wheels", states)
 
-    def bodies(self, states: ArrayLike) -> dict[str, Numbers]:
+    def bodies(self, states: ArrayLike) -> dict[str, Floats]:
         """As `frames`, of every body's centre of mass."""
         return self._poses("bodies", states)
 
     def shapes(self, states: ArrayLike) -> Shapes:
         """What to draw at states (T, 2n-m)."""
         frames, wheels, bodies = self.frames(states), self.wheels(states), self.bodies(states)
-        parents = {name: told["parent"] for name, told in self._parts["frames"].items() if "parent" in told}
+        parents = {name: frame["parent"] for name, frame in self._parts["frames"].items() if "parent" in frame}
         root = next(iter(frames.values()))
         hulls, links, rectangles, rollers = [], [], [], []
         for name, pose in frames.items():
@@ -110,7 +104,7 @@ class Geometry:
             return None
         return float(self._value("wheels", wheel, "roller_angle", self._parameters))
 
-    def _poses(self, kind: str, states: ArrayLike) -> dict[str, Numbers]:
+    def _poses(self, kind: str, states: ArrayLike) -> dict[str, Floats]:
         q = np.asarray(states, dtype=float)
         names = self._parameters | dict(zip(self._coordinates, q.T, strict=False))
         poses = {}
@@ -121,19 +115,13 @@ class Geometry:
 
     def _value(self, kind: str, part: str, key: str, names: dict[str, Any]) -> Any:
         try:
-            return evaluate(
-                self._parts[kind][part][key], Algebra(names | {"pi": np.pi}, _FUNCTIONS, _number), LONGEST_FORMULA
-            )
+            return numpy_value(self._parts[kind][part][key], names)
         except (KeyError, TypeError, WmrError) as error:
             problem = f"cannot be read ({error})"
             raise InputError(self._file, f"geometry {kind} {part} {key}", problem, "derive the robot again") from None
 
 
-def _number(exact: Fraction) -> float:
-    return float(exact)
-
-
-def _hull(points: Numbers) -> list[int]:
+def _hull(points: Floats) -> list[int]:
     """Which points are corners of the convex hull, counter-clockwise; one point where all coincide."""
     nearly = 1e-9 * float(np.max(np.ptp(points, axis=0), initial=0.0))
     order = sorted(range(len(points)), key=lambda k: (points[k, 0], points[k, 1]))
@@ -154,12 +142,12 @@ def _hull(points: Numbers) -> list[int]:
     return corners if nearly > 0.0 else corners[:1]
 
 
-def _rectangle(radius: float) -> Numbers:
+def _rectangle(radius: float) -> Floats:
     """Corners of a wheel about its hub, (4, 2) [m]."""
     return np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]) * [radius, WIDTH * radius / 2.0]
 
 
-def _roller_lines(radius: float, angle: float) -> list[Numbers]:
+def _roller_lines(radius: float, angle: float) -> list[Floats]:
     """Three lines at `angle` [rad] through a wheel's rectangle, each (2, 2) [m]."""
     along, across = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
     half = np.array([radius, WIDTH * radius / 2.0])
@@ -173,7 +161,7 @@ def _roller_lines(radius: float, angle: float) -> list[Numbers]:
     return lines
 
 
-def _placed(pose: Numbers, points: Numbers) -> Numbers:
+def _placed(pose: Floats, points: Floats) -> Floats:
     """Points (k, 2) of a part, in the plane at poses (T, 3), (T, k, 2)."""
     c, s = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
     x = pose[:, 0, None] + c * points[:, 0] - s * points[:, 1]

@@ -8,20 +8,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.adaptation import GradientAdaptation
+from wmr_afl.controllers.leakage import Leakage
 from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.errors import WmrError
-from wmr_afl.numerics.arrays import Vector
+from wmr_afl.numerics.arrays import Floats
 
 
 @dataclass(frozen=True)
 class ErrorSystem:
     """X' = A X + B W theta~, E1 = C X (39) for X = [e_1, e_1', e_2, ...]; A^T P + P A = -Q, P B = C^T (41)."""
 
-    A: Vector  # (2k, 2k)
-    B: Vector  # (2k, k)
-    C: Vector  # (k, 2k)
-    P: Vector  # (2k, 2k)
-    Q: Vector  # (2k, 2k)
+    A: Floats  # (2k, 2k)
+    B: Floats  # (2k, k)
+    C: Floats  # (k, 2k)
+    P: Floats  # (2k, 2k)
+    Q: Floats  # (2k, 2k)
 
 
 def error_system(outer_loop: OuterLoop) -> ErrorSystem:
@@ -40,7 +41,7 @@ def lyapunov_function(
     estimate_error: ArrayLike,
     system: ErrorSystem,
     adaptation: GradientAdaptation,
-) -> Vector:
+) -> Floats:
     """V = X^T P X + theta~^T Gamma^-1 theta~ (43), for e and e' (..., k) and theta~ (..., n_theta)."""
     pairs = np.stack([np.asarray(error, dtype=float), np.asarray(error_rate, dtype=float)], axis=-1)
     x = pairs.reshape(*pairs.shape[:-2], -1)
@@ -52,7 +53,7 @@ def lyapunov_function(
 
 def robust_lyapunov_function(
     value: ArrayLike, bound_error: ArrayLike, mu: ArrayLike, gamma: float, mu_decay: float
-) -> Vector:
+) -> Floats:
     """V1 = V + a~^T a~ / gamma + mu / k_mu (75), for V (43) and a~ = a - a_hat (..., 2)."""
     difference = np.asarray(bound_error, dtype=float)
     return np.asarray(
@@ -78,7 +79,8 @@ def ultimate_bound(
     entries both are the same.
     Raises: WmrError, where there is no leakage, or some estimate does not leak.
     """
-    leakage = adaptation.leakage.sigma if adaptation.leakage else np.zeros(1)
+    leaks = [part.sigma for part in adaptation.modifications if isinstance(part, Leakage)]
+    leakage = leaks[0] if leaks else np.zeros(1)
     lowest, highest = float(leakage.min()), float(leakage.max())
     if lowest <= 0.0 or k <= np.sqrt(0.5):
         raise WmrError("the bound (65) needs leakage > 0 on every estimate, and k > sqrt(1/2)")
@@ -91,12 +93,12 @@ def ultimate_bound(
     return UltimateBound(float(np.sqrt(rho / rate / p.min())), float(np.sqrt(rho / rate / gain.min())), rate)
 
 
-def _inverse_gain(adaptation: GradientAdaptation) -> Vector:
+def _inverse_gain(adaptation: GradientAdaptation) -> Floats:
     gain = np.diag(adaptation.gain) if adaptation.gain.ndim == 1 else adaptation.gain
     return np.asarray(np.linalg.inv(gain))
 
 
-def _of_one_output(b1: float, b2: float, alpha: float) -> tuple[Vector, Vector, Vector, Vector, Vector]:
+def _of_one_output(b1: float, b2: float, alpha: float) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     A = np.array([[0.0, 1.0], [-b2, -b1]])
     B, C = np.array([[0.0], [1.0]]), np.array([[alpha, 1.0]])
     P = np.array([[alpha * b1 + b2, alpha], [alpha, 1.0]])
@@ -104,7 +106,7 @@ def _of_one_output(b1: float, b2: float, alpha: float) -> tuple[Vector, Vector, 
     return A, B, C, P, Q
 
 
-def _block_diagonal(blocks: list[Vector]) -> Vector:
+def _block_diagonal(blocks: list[Floats]) -> Floats:
     rows, columns = (sum(block.shape[axis] for block in blocks) for axis in (0, 1))
     whole = np.zeros((rows, columns))
     row = column = 0

@@ -43,7 +43,9 @@ def campaign(
 
     with reporting():
         loaded = load_experiment(experiment)
-        name = loaded.name(controller or (loaded.told.campaign.controller if loaded.told.campaign else None))
+        name = loaded.name(
+            controller or (loaded.experiment.campaign.controller if loaded.experiment.campaign else None)
+        )
         folder = out / loaded.path.stem / f"campaign_{file_name(name)}"
         check_writable(folder)
         if replay is not None:
@@ -97,8 +99,8 @@ def tables(result: CampaignResult) -> Iterator[RenderableType]:
     yield quantiles
     worst = Table("worst runs", "what it came to", "what it drew", box=None, header_style="bold")
     for index in result.worst(SHOWN):
-        told = result.told(index)
+        one = result.describe(index)
         error = max(result.runs.rms[index])
-        came = f"RMS error {error:.3g}" if told["failed_at"] is None else f"failed at {told['failed_at']:g} s"
-        worst.add_row(str(index), came, ", ".join(f"{name} = {value:.4g}" for name, value in told["drawn"].items()))
+        came = f"RMS error {error:.3g}" if one["failed_at"] is None else f"failed at {one['failed_at']:g} s"
+        worst.add_row(str(index), came, ", ".join(f"{name} = {value:.4g}" for name, value in one["drawn"].items()))
     yield worst

@@ -25,14 +25,14 @@ def simulate(
     from wmr_afl.experiments.experiment import file_name, read_experiment
 
     with reporting():
-        told, path = read_experiment(experiment)
+        described, path = read_experiment(experiment)
         check_writable(out / path.stem)
         runs = run_with_progress(experiment, backend, controller)
         folder = out / path.stem
         files = write_results(runs, folder)
-        for name, figure in plots.overview(runs, told.title).items():
+        for name, figure in plots.overview(runs, described.title).items():
             files += plots.save(figure, folder / file_name(name))
-    print_metrics(told.title, runs)
+    print_metrics(described.title, runs)
     say(f"{len(files)} files in {folder}")
     if any(run.failure for run in runs.values()):
         raise typer.Exit(1)
@@ -63,10 +63,9 @@ def animate(
             raise WmrError(f"an animation cannot play for {seconds:g} s", "choose --seconds between 0.1 and 45")
         run = run_with_progress(experiment, backend, [name])[name]
         speed = float(run.time[-1] - run.time[0]) / seconds if len(run.time) > 1 else 1.0
-        p = loaded.loops[name].plant.parameters
         with progress_bar() as progress:
             task = progress.add_task("drawing")
-            animation.animate(run, p, file, 12, speed, lambda k, n: progress.update(task, completed=k, total=n))
+            animation.animate(run, file, 12, speed, lambda k, n: progress.update(task, completed=k, total=n))
     say(str(file))
     if run.failure:
         say(str(run.failure))

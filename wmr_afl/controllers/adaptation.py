@@ -1,30 +1,39 @@
-"""Gradient adaptation of the base parameters (25), with leakage (51) or normalized (Remark 5)."""
+"""Gradient adaptation of the base parameters (25), modified where the plain law is not enough, and projected."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import model_validator
 
 from wmr_afl.controllers.leakage import Leakage
+from wmr_afl.controllers.modification import Modification
 from wmr_afl.controllers.normalization import Normalization
+from wmr_afl.controllers.projection import Projection
 from wmr_afl.errors import ShapeError, WmrError
-from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.parts import NOTHING, Part, Parts
+from wmr_afl.numerics.rules import Rules
 from wmr_input.errors import FieldError
 from wmr_input.fields import Gain, Named, Positive, Table
 
 
 class AdaptationTable(Table):
-    """(25); `relative_gain` g gives Gamma_i = g theta_hat_i(0)^2, for base parameters that differ in size and unit."""
+    """(25); `relative_gain` g gives Gamma_i = g theta_hat_i(0)^2, for base parameters that differ in size and unit.
+
+    The keys that name a Modification are the list of them, in the order in which they act: a new one is one file and
+    one line.
+    """
 
     gain: Gain | None = None
     relative_gain: Positive | None = None
-    leakage: Named | None = None  # Sigma of (51)
-    normalization: Positive | None = None  # Remark 5
     input: Literal["commanded", "applied"] = "commanded"  # at which W is taken
+    normalization: Annotated[Positive | None, Normalization] = None
+    leakage: Annotated[Named | None, Leakage] = None
 
     @model_validator(mode="after")
     def _one_gain(self) -> AdaptationTable:
@@ -32,24 +41,45 @@ class AdaptationTable(Table):
             raise FieldError("names no or two gains", "give gain or relative_gain")
         return self
 
+    def rules(self) -> Rules:
+        """What follows from other numbers of the loop."""
+        g = self.relative_gain
+        return {} if g is None else {"adaptation.Gamma": lambda n: relative_gain(n["theta_hat"], g)}
 
-class GradientAdaptation:
+    def modifications(self, parameters: Sequence[str]) -> list[Modification]:
+        """The modifications that are named, for base parameters of these names."""
+        settings = ((getattr(self, key), field) for key, field in type(self).model_fields.items())
+        return [
+            kind.from_setting(setting, parameters)
+            for setting, field in settings
+            for kind in field.metadata
+            if setting is not None and isinstance(kind, type) and issubclass(kind, Modification)
+        ]
+
+
+class GradientAdaptation(Part):
     """theta_hat' = Gamma W^T E1 (25), Gamma (n_theta, n_theta) or its diagonal, positive definite.
 
-    With `leakage` (51), with `normalization` Remark 5. `sees_applied`: W is taken at the input that reaches the motors
-    instead of the one that was commanded, where the two differ.
-    Raises: WmrError, where Gamma is not positive definite.
+    `modifications` change the direction W^T E1 in their order, `projection` bounds the estimates. `sees_applied`: W is
+    taken at the input that reaches the motors instead of the one that was commanded, if the two differ.
+
+    Raises:
+        ShapeError: if Gamma has the wrong shape.
+        WmrError: if Gamma is not symmetric positive definite.
     """
+
+    name = "adaptation"
 
     def __init__(
         self,
         parameters: int,
         gain: ArrayLike,
-        leakage: Leakage | None = None,
-        normalization: Normalization | None = None,
+        modifications: Sequence[Modification] = (),
+        projection: Projection | None = None,
         sees_applied: bool = False,
     ) -> None:
-        self.leakage, self.normalization, self.sees_applied = leakage, normalization, sees_applied
+        self.modifications, self.sees_applied = Parts(modifications), sees_applied
+        self.projection = projection or Projection(parameters)
         try:
             self.gain = np.asarray(gain, dtype=float)
         except (TypeError, ValueError):
@@ -66,20 +96,32 @@ class GradientAdaptation:
             raise WmrError(f"the adaptation gain {self.gain.tolist()} is not symmetric positive definite")
 
     @property
-    def values(self) -> dict[str, Vector]:
-        values = {"Gamma": self.gain}
-        for part in (self.leakage, self.normalization):
-            values |= part.values if part else {}
-        return values
+    def values(self) -> dict[str, Floats]:
+        return {"Gamma": self.gain}
 
-    def change(
-        self, regressor: Array, filtered_error: Array, theta_hat: Array, k: SimpleNamespace, step: Array
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The gradient law, its modifications and its projection, each with numbers of its own."""
+        return (self, *self.modifications, self.projection)
+
+    def update(
+        self,
+        regressor: Array,
+        filtered_error: Array,
+        theta_hat: Array,
+        k: SimpleNamespace,
+        arrays: Arrays,
+        step: Array,
     ) -> Array:
-        """step theta_hat' (n_theta,), for W (n-m, n_theta) and E1 (n-m,)."""
+        """theta_hat one sample later, (n_theta,), for W (n-m, n_theta) and E1 (n-m,); `k` holds all parts' numbers."""
         direction = regressor.T @ filtered_error
-        if self.normalization is not None:
-            direction = self.normalization.factor(regressor, k) * direction
-        if self.leakage is not None:
-            direction = direction - self.leakage.pull(theta_hat, k)
-        gain = step * k.Gamma  # the same at every step, so that it is multiplied once
-        return gain * direction if self.gain.ndim == 1 else gain @ direction
+        for modification, own in self.modifications.with_values(k):
+            direction = modification.modify(direction, regressor, filtered_error, theta_hat, own, arrays)
+        gain = step * k.adaptation.Gamma  # the same at every step, so that it is multiplied once
+        change = gain * direction if self.gain.ndim == 1 else gain @ direction
+        return self.projection.project(theta_hat + change, getattr(k, self.projection.name, NOTHING), arrays)
+
+
+def relative_gain(estimate: Floats, g: float) -> Floats:
+    """The diagonal of Gamma, g theta_hat(0)^2, (..., n_theta)."""
+    return np.asarray(g * estimate**2)

@@ -2,31 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wmr_afl.controllers.modification import Modification
 from wmr_afl.errors import WmrError
-from wmr_afl.numerics.arrays import Array, Vector
-from wmr_afl.numerics.vectors import per_entry
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.vectors import by_name, per_entry
+from wmr_input.fields import Named
 
 
-class Leakage:
-    """theta_hat' = Gamma W^T E1 - Gamma Sigma theta_hat (51), Sigma diagonal, not negative, (n_theta,).
+class Leakage(Modification):
+    """theta_hat' = Gamma W^T E1 - Gamma Sigma theta_hat (51), Sigma diagonal, not negative, (n_theta,) [1/s].
 
-    Raises: WmrError, where it is negative.
+    Raises:
+        WmrError: if it is negative.
     """
+
+    name = "leakage"
 
     def __init__(self, parameters: int, sigma: ArrayLike) -> None:
         self.sigma = per_entry("leakage", sigma, parameters)
         if np.any(self.sigma < 0):
             raise WmrError(f"the leakage is {self.sigma}", "choose zero or more")
 
+    @classmethod
+    def from_setting(cls, setting: Named, parameters: Sequence[str]) -> Leakage:
+        missing = 0.0 if isinstance(setting, dict) else None
+        return cls(len(parameters), by_name("base parameter", setting, parameters, missing))
+
     @property
-    def values(self) -> dict[str, Vector]:
+    def values(self) -> dict[str, Floats]:
         return {"Sigma": self.sigma}
 
-    def pull(self, theta_hat: Array, k: SimpleNamespace) -> Array:
-        """Sigma theta_hat (n_theta,)."""
-        return k.Sigma * theta_hat
+    def modify(
+        self,
+        direction: Array,
+        regressor: Array,
+        filtered_error: Array,
+        theta_hat: Array,
+        k: SimpleNamespace,
+        arrays: Arrays,
+    ) -> Array:
+        return direction - k.Sigma * theta_hat

@@ -8,17 +8,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.errors import WmrError
-from wmr_afl.model.model import Language
-from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.linear_algebra import least_norm, regularity
+from wmr_afl.numerics.parts import Part
 from wmr_afl.numerics.vectors import per_entry
 
 
-class LinearizingLaw:
+class LinearizingLaw(Part):
     """u = Dhat^-1 (eta - L_f^2 h - L_q L_f h_hat) (25).
 
     With more motors than outputs the inputs that make sum weights u^2 least are taken; `weights` (n_u,), positive.
+
+    Raises:
+        WmrError: if a weight is not positive.
     """
+
+    name = "linearizing"
 
     def __init__(self, inputs: int, weights: ArrayLike = 1.0) -> None:
         self.weights = per_entry("input weights", weights, inputs)
@@ -26,14 +32,13 @@ class LinearizingLaw:
             raise WmrError(f"input weights are {self.weights}", "choose positive ones")
 
     @property
-    def values(self) -> dict[str, Vector]:
+    def values(self) -> dict[str, Floats]:
         return {"input_weights": self.weights}
 
     def inputs(
-        self, x: Array, eta: Array, theta_hat: Array, k: SimpleNamespace, language: Language
+        self, x: Array, eta: Array, theta_hat: Array, c: Array, k: SimpleNamespace, model: Model
     ) -> tuple[Array, Array]:
         """u [V] (n_u,), and whether Dhat is regular: see `linear_algebra.regularity`."""
-        model, arrays = language.model, language.arrays
-        decoupling = model.decoupling_matrix(x, theta_hat, k.c)
-        right = eta - model.lie_f2_h(x, k.c) - model.lie_q_lie_f_h(x, theta_hat, k.c)
-        return least_norm(decoupling, right, k.input_weights, arrays), regularity(decoupling, arrays)
+        decoupling = model.decoupling_matrix(x, theta_hat, c)
+        right = eta - model.lie_f2_h(x, c) - model.lie_q_lie_f_h(x, theta_hat, c)
+        return least_norm(decoupling, right, k.input_weights, model.arrays), regularity(decoupling, model.arrays)

@@ -2,30 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
 
+from wmr_afl.controllers.modification import Modification
 from wmr_afl.errors import WmrError
-from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.linear_algebra import sum_of_squares
 
 
-class Normalization:
+class Normalization(Modification):
     """theta_hat' = Gamma W^T E1 / (1 + n |W|^2): however large the regressor, the estimates move at a bounded rate.
 
-    Raises: WmrError, where n is not positive.
+    |W| is Frobenius' norm of W (n-m, n_theta).
+
+    Raises:
+        WmrError: if n is not positive.
     """
+
+    name = "normalization"
 
     def __init__(self, weight: float) -> None:
         if not (np.isfinite(weight) and weight > 0):
             raise WmrError(f"the normalization is {weight}", "choose a positive number")
         self.weight = np.array([float(weight)])
 
-    @property
-    def values(self) -> dict[str, Vector]:
-        return {"normalization": self.weight}
+    @classmethod
+    def from_setting(cls, setting: float, parameters: Sequence[str]) -> Normalization:
+        return cls(setting)
 
-    def factor(self, regressor: Array, k: SimpleNamespace) -> Array:
-        """1 / (1 + n |W|^2), |W| Frobenius' norm of W (n-m, n_theta)."""
-        return 1.0 / (1.0 + k.normalization[0] * sum_of_squares(regressor))
+    @property
+    def values(self) -> dict[str, Floats]:
+        return {"weight": self.weight}
+
+    def modify(
+        self,
+        direction: Array,
+        regressor: Array,
+        filtered_error: Array,
+        theta_hat: Array,
+        k: SimpleNamespace,
+        arrays: Arrays,
+    ) -> Array:
+        return 1.0 / (1.0 + k.weight[0] * sum_of_squares(regressor)) * direction

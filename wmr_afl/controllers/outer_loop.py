@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.reference import Point
 from wmr_afl.errors import WmrError
-from wmr_afl.model.model import Language
-from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array, Floats
+from wmr_afl.numerics.parts import Part
+from wmr_afl.numerics.rules import Rules
 from wmr_afl.numerics.vectors import per_entry
 from wmr_input.fields import Numbers, Table
 
@@ -23,6 +25,12 @@ class OuterLoopTable(Table):
     b2: Numbers
     alpha: Numbers | None = None
 
+    def rules(self) -> Rules:
+        """What follows from other numbers of the loop."""
+        if self.alpha is not None:
+            return {}
+        return {"outer_loop.alpha": lambda n: usual_alpha(n["outer_loop.b1"], n["outer_loop.b2"])}
+
 
 @dataclass(frozen=True)
 class TrackingError:
@@ -32,23 +40,25 @@ class TrackingError:
     e_dot: Array
 
 
-def tracking_error(x: Array, c: Array, reference: Point, language: Language) -> TrackingError:
+def tracking_error(x: Array, c: Array, reference: Point, model: Model) -> TrackingError:
     """The error of the outputs at state x."""
-    model = language.model
     return TrackingError(
         model.output(x[: model.coordinate_count], c) - reference.position,
         model.output_rate(x, c) - reference.velocity,
     )
 
 
-class OuterLoop:
+class OuterLoop(Part):
     """eta = yr'' + b1 (yr' - y') + b2 (yr - y) (27), and E1 = e' + alpha e (34).
 
     b1 [1/s], b2 [1/s^2] and alpha [1/s] hold for each output or for all; alpha is b2/b1 unless given, as in the paper.
     (s + alpha)/(s^2 + b1 s + b2) must be strictly positive real (35): b2 > 0 and b1 > alpha > 0.
 
-    Raises: WmrError, where it is not.
+    Raises:
+        WmrError: if it is not.
     """
+
+    name = "outer_loop"
 
     def __init__(self, outputs: int, b1: ArrayLike, b2: ArrayLike, alpha: ArrayLike | None = None) -> None:
         self.b1, self.b2 = per_entry("b1", b1, outputs), per_entry("b2", b2, outputs)
@@ -56,7 +66,7 @@ class OuterLoop:
             raise WmrError(
                 f"b1 = {self.b1}, b2 = {self.b2} do not stabilize the outer loop", "choose b1 > 0 and b2 > 0"
             )
-        self.alpha = self.b2 / self.b1 if alpha is None else per_entry("alpha", alpha, outputs)
+        self.alpha = usual_alpha(self.b1, self.b2) if alpha is None else per_entry("alpha", alpha, outputs)
         if np.any(self.alpha <= 0) or np.any(self.b1 <= self.alpha):
             raise WmrError(
                 f"(s + alpha)/(s^2 + b1 s + b2) is not strictly positive real (35) with b1 = {self.b1}, "
@@ -65,13 +75,18 @@ class OuterLoop:
             )
 
     @property
-    def values(self) -> dict[str, Vector]:
+    def values(self) -> dict[str, Floats]:
         return {"b1": self.b1, "b2": self.b2, "alpha": self.alpha}
 
     def acceleration(self, error: TrackingError, reference: Point, k: SimpleNamespace) -> Array:
-        """eta (27), the wanted y''."""
+        """eta (27), the wanted y'', (n-m,)."""
         return reference.acceleration - k.b1 * error.e_dot - k.b2 * error.e
 
     def filtered_error(self, error: TrackingError, k: SimpleNamespace) -> Array:
-        """E1 (34)."""
+        """E1 (34), (n-m,)."""
         return error.e_dot + k.alpha * error.e
+
+
+def usual_alpha(b1: Floats, b2: Floats) -> Floats:
+    """alpha = b2/b1 [1/s], the paper's choice, for one robot or many."""
+    return b2 / b1

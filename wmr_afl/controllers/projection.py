@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike
 from pydantic import model_validator
 
 from wmr_afl.errors import WmrError
-from wmr_afl.numerics.arrays import Array, Arrays, Vector
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.parts import Part
+from wmr_afl.numerics.rules import Rules
 from wmr_input.errors import FieldError
 from wmr_input.fields import ByName, Positive, Table
 
@@ -31,9 +33,25 @@ class ProjectionTable(Table):
             raise FieldError("names relative and absolute bounds", "give relative, or lower and upper")
         return self
 
+    def rules(self) -> Rules:
+        """What follows from other numbers of the loop."""
+        share = self.relative
+        if share is None:
+            return {}
+        return {
+            "projection.lower": lambda n: relative_bounds(n["theta_hat"], share)[0],
+            "projection.upper": lambda n: relative_bounds(n["theta_hat"], share)[1],
+        }
 
-class Projection:
-    """Keeps lower <= theta_hat <= upper, (n_theta,) each; infinite bounds leave an estimate free."""
+
+class Projection(Part):
+    """Keeps lower <= theta_hat <= upper, (n_theta,) each; infinite bounds leave an estimate free.
+
+    Raises:
+        WmrError: if nothing lies between the bounds.
+    """
+
+    name = "projection"
 
     def __init__(self, parameters: int, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf) -> None:
         self.lower = np.broadcast_to(np.asarray(lower, dtype=float), (parameters,)).copy()
@@ -41,10 +59,11 @@ class Projection:
         if not np.all(self.lower < self.upper):
             raise WmrError(f"bounds {self.lower} to {self.upper} leave nothing", "choose lower < upper")
 
-    def check(self, estimate: Vector, names: Sequence[str]) -> None:
+    def check(self, estimate: Floats, names: Sequence[str]) -> None:
         """The first estimate must lie within the bounds.
 
-        Raises: WmrError, naming the one that does not.
+        Raises:
+            WmrError: if it does not; the text names the base parameter.
         """
         for name, value, low, high in zip(names, estimate, self.lower, self.upper, strict=True):
             if not low <= value <= high:
@@ -53,12 +72,18 @@ class Projection:
                 )
 
     @property
-    def values(self) -> dict[str, Vector]:
+    def values(self) -> dict[str, Floats]:
         """Bounds that bound anything."""
         bounds = {"lower": self.lower, "upper": self.upper}
         return {name: bound for name, bound in bounds.items() if np.isfinite(bound).any()}
 
     def project(self, theta_hat: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
-        """The nearest estimate within the bounds."""
+        """The nearest estimate within the bounds, (n_theta,)."""
         raised = arrays.maximum(theta_hat, k.lower) if "lower" in self.values else theta_hat
         return arrays.minimum(raised, k.upper) if "upper" in self.values else raised
+
+
+def relative_bounds(estimate: Floats, share: float) -> tuple[Floats, Floats]:
+    """theta_hat(0) -+ share |theta_hat(0)|, (..., n_theta) each."""
+    room = share * np.abs(estimate)
+    return estimate - room, estimate + room

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.formulas import TimeFunction
 from wmr_input.errors import FieldError
 from wmr_input.fields import Number, Positive, Table
@@ -38,7 +39,7 @@ class Reference:
         """The reference at time t [s]: columns where t is symbolic, NumPy vectors where it is a number."""
         return Point(*self._of_time(t))
 
-    def over(self, times: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def over(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """yr, yr', yr'' at all `times` (T,), (T, n-m) each."""
         row = np.atleast_1d(np.asarray(times, dtype=float)).reshape(1, -1)
         if not row.size:  # CasADi has no map over nothing

@@ -7,8 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 
 from wmr_afl.errors import WmrError
-from wmr_afl.numerics.arrays import Array, Arrays, Vector, norm
+from wmr_afl.numerics.arrays import Array, Arrays, Floats, norm
+from wmr_afl.numerics.parts import Part
 from wmr_input.fields import NotNegative, Positive, Table
+
+_SMALLEST = 1e-300  # keeps 0/0 out once mu has decayed below any number
 
 
 class RobustTable(Table):
@@ -20,16 +23,17 @@ class RobustTable(Table):
     leakage: NotNegative = 0.0
 
 
-_SMALLEST = 1e-300  # keeps 0/0 out where mu has decayed below any number
-
-
-class RobustTerm:
+class RobustTerm(Part):
     """vR = -2 rho^2 E1 / (2 rho |E1| + mu), rho = [|v|, 1] a_hat (70), (71), added to eta (74).
 
     a_hat' = gamma ([|v|, 1]^T |E1| - leakage a_hat) (73); mu' = -decay mu, mu(0) > 0 (72). A mu that does not decay
     smooths the term for good; a_hat then needs leakage (Remark 9).
-    Raises: WmrError, where a gain has the wrong sign.
+
+    Raises:
+        WmrError: if a gain has the wrong sign.
     """
+
+    name = "robust"
 
     def __init__(self, gamma: float, mu: float = 1.0, mu_decay: float = 1.0, leakage: float = 0.0) -> None:
         if not (gamma > 0 and mu > 0 and mu_decay >= 0 and leakage >= 0):
@@ -40,14 +44,14 @@ class RobustTerm:
         if mu_decay == 0 and leakage == 0:
             raise WmrError("with a constant mu the bound a_hat would grow without end (Remark 9)", "choose leakage > 0")
         self.start_mu = np.array([float(mu)])
-        self.gains = {"gamma": gamma, "mu_decay": mu_decay, "bound_leakage": leakage}
+        self.gains = {"gamma": gamma, "mu_decay": mu_decay, "leakage": leakage}
 
     @property
-    def values(self) -> dict[str, Vector]:
+    def values(self) -> dict[str, Floats]:
         return {name: np.array([float(value)]) for name, value in self.gains.items()}
 
     @property
-    def states(self) -> dict[str, Vector]:
+    def states(self) -> dict[str, Floats]:
         return {"a_hat": np.zeros(2), "mu": self.start_mu}
 
     def acceleration(self, v: Array, filtered_error: Array, z: SimpleNamespace, arrays: Arrays) -> Array:
@@ -57,10 +61,10 @@ class RobustTerm:
         return -2.0 * rho * rho / arrays.maximum(size, _SMALLEST) * filtered_error
 
     def update(
-        self, v: Array, filtered_error: Array, z: SimpleNamespace, k: SimpleNamespace, step: Array, arrays: Arrays
+        self, v: Array, filtered_error: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays, step: Array
     ) -> dict[str, Array]:
         """a_hat and mu one sample later; mu exactly, for (72) is linear."""
         size = norm(filtered_error, arrays)
         growth = arrays.vector([norm(v, arrays) * size, size])
-        a_hat = z.a_hat + step * k.gamma[0] * (growth - k.bound_leakage[0] * z.a_hat)
+        a_hat = z.a_hat + step * k.gamma[0] * (growth - k.leakage[0] * z.a_hat)
         return {"a_hat": a_hat, "mu": z.mu * arrays.exp(-k.mu_decay[0] * step)}

@@ -1,4 +1,4 @@
-"""The tracking controller: outer loop, linearizing law and adaptation put together (Theorem 1)."""
+"""The tracking law: outer loop, linearizing law, adaptation and robust term put together (Theorem 1)."""
 
 from __future__ import annotations
 
@@ -12,80 +12,119 @@ from pydantic import Field
 from wmr_afl.controllers.adaptation import AdaptationTable, GradientAdaptation
 from wmr_afl.controllers.linearizing_law import LinearizingLaw
 from wmr_afl.controllers.outer_loop import OuterLoop, OuterLoopTable, tracking_error
-from wmr_afl.controllers.projection import Projection, ProjectionTable
+from wmr_afl.controllers.projection import ProjectionTable
 from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.robust_term import RobustTable, RobustTerm
 from wmr_afl.errors import MissingTermError, ShapeError
-from wmr_afl.model.model import Language, Model
-from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array, Floats
+from wmr_afl.numerics.parts import Part, Parts, prefixed
+from wmr_afl.numerics.rules import Rule, Rules
+from wmr_afl.numerics.vectors import by_name
 from wmr_input.fields import Estimate, Number, Numbers, Table
+
+
+class ControllerTable(Table):
+    """The linearizing law; adaptive if `adaptation` is given, robust if `robust` is."""
+
+    outer_loop: OuterLoopTable | None = None
+    estimate: Estimate = "exact"
+    guess: dict[str, Number] = Field(default_factory=dict)  # physical parameters that the controller takes for true
+    adaptation: AdaptationTable | None = None
+    projection: ProjectionTable | None = None
+    robust: RobustTable | None = None
+    input_weights: Numbers = 1.0
+
+    def rules(self, model: Model) -> Rules:
+        """What follows from other numbers of the loop: c and theta_hat(0) from p, gains and bounds from these."""
+        rules: dict[str, Rule] = {"c": lambda n: model.known(n["p"])}
+        for table in (self.outer_loop, self.adaptation, self.projection):
+            rules |= table.rules() if table is not None else {}
+        if self.guess or self.estimate == "exact":
+            rules["theta_hat"] = lambda n: model.base_parameters(model.replaced(n["p"], self.guess))
+        else:
+            estimate = by_name("base parameter", self.estimate, list(model.base_parameter_units))
+            rules["theta_hat"] = lambda n: estimate
+        return rules
+
+
+class Knowledge:
+    """What a controller knows of a robot: its equations, its known constants and a first estimate; never p.
+
+    Raises:
+        ShapeError: if the estimate does not fit the model.
+        MissingTermError: if the model has no outputs to track.
+    """
+
+    def __init__(self, model: Model, known: ArrayLike, estimate: ArrayLike) -> None:
+        """`known`: c (n_c,); `estimate`: theta_hat(0) (n_theta,)."""
+        if not model.has("decoupling_matrix"):
+            raise MissingTermError(f"model {model.name} has no outputs to track", "derive it with [outputs]")
+        self.model = model
+        self.known, self.estimate = np.asarray(known, dtype=float), np.asarray(estimate, dtype=float)
+        count = len(model.base_parameter_units)
+        if self.estimate.shape != (count,) or not np.all(np.isfinite(self.estimate)):
+            names = ", ".join(model.base_parameter_units)
+            raise ShapeError(f"the estimate has shape {self.estimate.shape}", f"expected ({count},) finite: {names}")
 
 
 @dataclass(frozen=True)
 class Action:
-    """What the controller commands at one sample, and what its update will need."""
+    """What the law commands at one sample, and what its update will need."""
 
     input: Array  # u [V], (n_u,)
     filtered_error: Array  # E1, (n-m,)
-    regularity: Array  # of Dhat: positive where it is regular
+    regularity: Array  # of Dhat: positive if it is regular
 
 
-class TrackingController:
+class TrackingLaw:
     """u = Dhat^-1 (eta - L_f^2 h - L_q L_f h_hat) with theta_hat' = Gamma W^T E1 (25); without adaptation frozen.
 
-    A robust term (71) joins eta (74). It knows estimates and known constants c, never the physical parameters.
-    Raises: ShapeError, where the estimate does not fit; MissingTermError, where the model cannot be adapted.
+    A robust term (71) joins eta (74).
+
+    Raises:
+        MissingTermError: if the model cannot be adapted.
     """
 
     def __init__(
         self,
-        model: Model,
-        known: ArrayLike,
-        estimate: ArrayLike,
+        knowledge: Knowledge,
         outer_loop: OuterLoop,
-        law: LinearizingLaw | None = None,
+        linearizing: LinearizingLaw | None = None,
         adaptation: GradientAdaptation | None = None,
-        projection: Projection | None = None,
         robust: RobustTerm | None = None,
     ) -> None:
-        if not model.has("decoupling_matrix"):
-            raise MissingTermError(f"model {model.name} has no outputs to track", "derive it with [outputs]")
-        count = len(model.base_parameter_units)
-        self.known = np.asarray(known, dtype=float)
-        self.estimate = np.asarray(estimate, dtype=float)
-        if self.estimate.shape != (count,) or not np.all(np.isfinite(self.estimate)):
-            names = ", ".join(model.base_parameter_units)
-            raise ShapeError(f"the estimate has shape {self.estimate.shape}", f"expected ({count},) finite: {names}")
+        model = knowledge.model
         if adaptation is not None and not model.has("regressor"):
             raise MissingTermError(
                 f"model {model.name} cannot be adapted: its dynamics are not linear in base parameters "
                 f"(parametrization {model.parametrization})",
                 "leave the adaptation out",
             )
-        self.outer_loop, self.adaptation, self.robust = outer_loop, adaptation, robust
-        self._coordinates = model.coordinate_count
-        self.law = law or LinearizingLaw(len(model.input_units))
-        self.projection = projection or Projection(count)
+        self.knowledge, self.outer_loop, self.adaptation, self.robust = knowledge, outer_loop, adaptation, robust
+        self.linearizing = linearizing or LinearizingLaw(len(model.input_units))
+        adapting = adaptation.parts if adaptation else ()
+        self.parts: Parts[Part] = Parts((self.outer_loop, self.linearizing, *adapting, self.robust))
 
     @property
-    def values(self) -> dict[str, Vector]:
+    def values(self) -> dict[str, Floats]:
         """The numbers that may differ between robots of a batch."""
-        parts = (self.outer_loop, self.law, self.projection, self.adaptation, self.robust)
-        return {"c": self.known} | {name: value for part in parts if part for name, value in part.values.items()}
+        return {"c": self.knowledge.known, **self.parts.values}
 
     @property
-    def states(self) -> dict[str, Vector]:
-        """The controller's own state at the start."""
-        return {"theta_hat": self.estimate, **(self.robust.states if self.robust else {})}
+    def states(self) -> dict[str, Floats]:
+        """The law's own states at the start."""
+        return {"theta_hat": self.knowledge.estimate, **self.parts.states}
 
-    def act(self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, language: Language) -> Action:
+    def act(self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model) -> Action:
         """The command at the measured state x, (25), (27), (74)."""
-        error = tracking_error(x, k.c, reference, language)
-        filtered_error = self.outer_loop.filtered_error(error, k)
-        eta = self.outer_loop.acceleration(error, reference, k)
+        error = tracking_error(x, k.c, reference, model)
+        filtered_error = self.outer_loop.filtered_error(error, k.outer_loop)
+        eta = self.outer_loop.acceleration(error, reference, k.outer_loop)
         if self.robust is not None:
-            eta = eta + self.robust.acceleration(x[self._coordinates :], filtered_error, z, language.arrays)
-        u, regularity = self.law.inputs(x, eta, z.theta_hat, k, language)
+            v = x[model.coordinate_count :]
+            eta = eta + self.robust.acceleration(v, filtered_error, z.robust, model.arrays)
+        u, regularity = self.linearizing.inputs(x, eta, z.theta_hat, k.c, k.linearizing, model)
         return Action(u, filtered_error, regularity)
 
     def update(
@@ -95,31 +134,19 @@ class TrackingController:
         applied: Array,
         z: SimpleNamespace,
         k: SimpleNamespace,
+        model: Model,
         step: Array,
-        language: Language,
     ) -> dict[str, Array]:
-        """The controller's state one sample later; `applied` is what reached the motors of the command."""
+        """The law's states one sample later; `applied` is what reached the motors of the command, (n_u,)."""
         following = {"theta_hat": z.theta_hat}
         if self.adaptation is not None:
             seen = applied if self.adaptation.sees_applied else action.input
-            regressor = language.model.regressor(x, seen, k.c)
-            change = self.adaptation.change(regressor, action.filtered_error, z.theta_hat, k, step)
-            following["theta_hat"] = self.projection.project(z.theta_hat + change, k, language.arrays)
+            regressor = model.regressor(x, seen, k.c)
+            following["theta_hat"] = self.adaptation.update(
+                regressor, action.filtered_error, z.theta_hat, k, model.arrays, step
+            )
         if self.robust is not None:
-            v = x[self._coordinates :]
-            following |= self.robust.update(v, action.filtered_error, z, k, step, language.arrays)
+            v = x[model.coordinate_count :]
+            robust = self.robust.update(v, action.filtered_error, z.robust, k.robust, model.arrays, step)
+            following |= prefixed(self.robust.name, robust)
         return following
-
-
-class ControllerTable(Table):
-    """The linearizing law; adaptive where `adaptation` is given, robust where `robust` is."""
-
-    outer_loop: OuterLoopTable | None = None
-    estimate: Estimate = "exact"
-    guess: dict[str, Number] = Field(
-        default_factory=dict
-    )  # physical parameters as the controller believes them, in the place of `estimate`
-    adaptation: AdaptationTable | None = None
-    projection: ProjectionTable | None = None
-    robust: RobustTable | None = None
-    input_weights: Numbers = 1.0

@@ -5,33 +5,28 @@ from __future__ import annotations
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from wmr_afl.controllers import (
-    GradientAdaptation,
-    Leakage,
-    LinearizingLaw,
-    Normalization,
-    OuterLoop,
-    Projection,
-    RobustTerm,
-    TrackingController,
-)
-from wmr_afl.controllers import reference as references
-from wmr_afl.controllers.adaptation import AdaptationTable
+from wmr_afl.controllers import reference
+from wmr_afl.controllers.adaptation import GradientAdaptation
+from wmr_afl.controllers.linearizing_law import LinearizingLaw
+from wmr_afl.controllers.outer_loop import OuterLoop
+from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Reference, ReferenceTable
-from wmr_afl.controllers.tracking_law import ControllerTable
+from wmr_afl.controllers.robust_term import RobustTerm
+from wmr_afl.controllers.tracking_law import ControllerTable, Knowledge, TrackingLaw
 from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.experiments.experiment import Experiment
-from wmr_afl.experiments.initial_estimates import adaptation_gain, first_estimate, relative_bounds
 from wmr_afl.model.files import model_folder
-from wmr_afl.model.model import load_model
+from wmr_afl.model.model import Model, load_model
 from wmr_afl.model.plausibility import check_robots
-from wmr_afl.numerics.arrays import Vector
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.rules import Numbers, Rules
 from wmr_afl.numerics.vectors import by_name
-from wmr_afl.plant import Plant
-from wmr_afl.plant.uncertainties import build_effects
+from wmr_afl.plant.plant import Plant
+from wmr_afl.plant.uncertainty import Surroundings
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_input.errors import mistakes_at
 
@@ -39,7 +34,8 @@ from wmr_input.errors import mistakes_at
 def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:
     """The closed loop of every controller of an experiment that stands in `file`.
 
-    Raises: InputError, naming file, table and remedy.
+    Raises:
+        InputError: with file, place and remedy.
     """
     assembly = _Assembly(experiment, file)
     return {name: assembly.loop(name) for name in experiment.controllers}
@@ -48,11 +44,17 @@ def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:
 def model_of(experiment: Experiment, file: Path) -> Path:
     """The folder of an experiment's model: one beside its file, one by its path, or a shipped one by its name.
 
-    Raises: InputError, where there is none.
+    Raises:
+        InputError: if there is none.
     """
     beside = file.parent / experiment.robot
     with mistakes_at(file, "robot"):
         return beside if (beside / "model.json").is_file() else model_folder(experiment.robot)
+
+
+def rules_of(experiment: Experiment, controller: str, model: Model) -> Rules:
+    """How numbers of one of an experiment's closed loops follow from others."""
+    return {**experiment.uncertainties.rules(model), **experiment.controller(controller).rules(model)}
 
 
 @dataclass
@@ -75,19 +77,17 @@ class _Assembly:
         return mistakes_at(self.file, place)
 
     def loop(self, name: str) -> ClosedLoop:
-        return ClosedLoop(
-            self.model,
-            self._plant(),
-            self._controller(name, self.experiment.controller(name)),
-            self.reference,
-            self.experiment.simulation.sample_time,
-        )
+        plant = self._plant()
+        law = self._law(name, self.experiment.controller(name))
+        return ClosedLoop(self.model, plant, law, self.reference, self.experiment.simulation.sample_time)
 
     def _plant(self) -> Plant:
-        effects = build_effects(self.experiment, self.model, self.at)
+        simulation, model = self.experiment.simulation, self.model
+        surroundings = Surroundings(model, self.parameters, simulation.sample_time)
+        uncertainties = self.experiment.uncertainties.build(surroundings, self.at)
         with self.at("[start]"):
-            start = by_name("state", self.experiment.start, list(self.model.state_units), missing=0.0)
-            return Plant(self.model, self.parameters, start, self.experiment.simulation.integrator, **effects)
+            start = by_name("state", self.experiment.start, list(model.state_units), missing=0.0)
+            return Plant(model, self.parameters, start, simulation.integrator, uncertainties)
 
     def _reference(self, table: ReferenceTable) -> Reference:
         outputs = list(self.model.output_units)
@@ -101,7 +101,7 @@ class _Assembly:
                     raise WmrError(f"output {missing[0]!r} has no reference", f'add {missing[0]} = "..."')
                 return Reference({name: table.expressions[name] for name in outputs})
         kind, given = next((kind, value) for kind, value in vars(table).items() if value is not None)
-        expressions: list[str] = getattr(references, kind)(**given.model_dump())
+        expressions: list[str] = getattr(reference, kind)(**given.model_dump())
         with self.at(f"[reference.{kind}]"):
             if len(expressions) != len(outputs):
                 raise WmrError(
@@ -110,47 +110,60 @@ class _Assembly:
                 )
             return Reference(dict(zip(outputs, expressions, strict=True)))
 
-    def _controller(self, name: str, table: ControllerTable) -> TrackingController:
+    def _law(self, name: str, table: ControllerTable) -> TrackingLaw:
         model = self.model
 
         def place(key: str) -> str:
             return self.experiment.place(name, key)
 
-        outputs, thetas = len(model.output_units), list(model.base_parameter_units)
         with self.at(place("outer_loop")):
             if table.outer_loop is None:
                 raise WmrError("is missing", "add outer_loop = { b1 = ..., b2 = ... } here or under [shared]")
-            outer_loop = OuterLoop(outputs, **table.outer_loop.model_dump())
+            outer_loop = OuterLoop(len(model.output_units), **table.outer_loop.model_dump())
         with self.at(place("guess")):
             if table.guess and table.estimate != "exact":
                 raise WmrError("stands beside an estimate", "give one of them")
             for parameter in table.guess:
                 if parameter in model.known_units:
                     raise WmrError(f"the controller knows {parameter}", "guess uncertain parameters")
-        with self.at(place("guess" if table.guess else "estimate")):
-            estimate = first_estimate(model, self.experiment.parameters, table)
+        with self.at(place("guess" if table.guess else "estimate")), np.errstate(all="ignore"):
+            numbers = Numbers(rules_of(self.experiment, name, model), {"p": self.parameters})
+            estimate = numbers["theta_hat"]
             if not np.all(np.isfinite(estimate)):
                 raise WmrError("gives base parameters that are not finite", "guess values that a robot can have")
-        adaptation = None
-        if table.adaptation is not None:
-            with self.at(place("adaptation")):
-                adaptation = _adaptation(table.adaptation, estimate, thetas)
-        with self.at(place("projection")):
-            if adaptation is None and "projection" in self.experiment.controllers[name].model_fields_set:
-                raise WmrError("bounds estimates that nothing adapts", "add adaptation, or leave it out")
-            projection = self._projection(table, estimate, thetas)
-            if adaptation is not None:
-                projection.check(estimate, thetas)
+        adaptation = self._adaptation(name, table, numbers)
         with self.at(place("input_weights")):
-            law = LinearizingLaw(len(model.input_units), table.input_weights)
+            linearizing = LinearizingLaw(len(model.input_units), table.input_weights)
         with self.at(place("robust")):
             robust = None if table.robust is None else RobustTerm(**table.robust.model_dump())
         with self.at(f"[controllers.{name}]"):
-            known = model.known(self.parameters)
-            return TrackingController(model, known, estimate, outer_loop, law, adaptation, projection, robust)
+            return TrackingLaw(Knowledge(model, numbers["c"], estimate), outer_loop, linearizing, adaptation, robust)
 
-    def _projection(self, table: ControllerTable, estimate: Vector, thetas: list[str]) -> Projection:
-        def bounds(given: float | dict[str, float] | None, open_end: float) -> Vector:
+    def _adaptation(self, name: str, table: ControllerTable, numbers: Numbers) -> GradientAdaptation | None:
+        thetas = list(self.model.base_parameter_units)
+        with self.at(self.experiment.place(name, "projection")):
+            projection = self._projection(table, numbers)
+            if table.adaptation is None:
+                if "projection" in self.experiment.controllers[name].model_fields_set:
+                    raise WmrError("bounds estimates that nothing adapts", "add adaptation, or leave it out")
+                return None
+        with self.at(self.experiment.place(name, "adaptation")):
+            given = table.adaptation.gain
+            if table.adaptation.relative_gain is not None:
+                gain: Any = numbers["adaptation.Gamma"]
+            else:
+                gain = by_name("base parameter", given, thetas) if isinstance(given, dict) else given
+            modifications = table.adaptation.modifications(thetas)
+            seen = table.adaptation.input == "applied"
+            adaptation = GradientAdaptation(len(thetas), gain, modifications, projection, seen)
+        with self.at(self.experiment.place(name, "projection")):
+            projection.check(numbers["theta_hat"], thetas)
+        return adaptation
+
+    def _projection(self, table: ControllerTable, numbers: Numbers) -> Projection:
+        thetas = list(self.model.base_parameter_units)
+
+        def bounds(given: float | dict[str, float] | None, open_end: float) -> Floats:
             if given is None:
                 return np.full(len(thetas), open_end)
             if isinstance(given, dict):
@@ -161,15 +174,5 @@ class _Assembly:
         if table.projection is None:
             return Projection(len(thetas))
         if table.projection.relative is not None:
-            return Projection(len(thetas), *relative_bounds(table.projection, estimate))
+            return Projection(len(thetas), numbers["projection.lower"], numbers["projection.upper"])
         return Projection(len(thetas), bounds(table.projection.lower, -np.inf), bounds(table.projection.upper, np.inf))
-
-
-def _adaptation(table: AdaptationTable, estimate: Vector, thetas: list[str]) -> GradientAdaptation:
-    leakage = None
-    if table.leakage is not None:
-        missing = 0.0 if isinstance(table.leakage, dict) else None
-        leakage = Leakage(len(thetas), by_name("base parameter", table.leakage, thetas, missing))
-    normalization = None if table.normalization is None else Normalization(table.normalization)
-    gain = adaptation_gain(table, estimate, thetas)
-    return GradientAdaptation(len(thetas), gain, leakage, normalization, table.input == "applied")

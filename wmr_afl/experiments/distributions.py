@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from wmr_afl.numerics.arrays import Floats
 from wmr_input.errors import FieldError
 from wmr_input.fields import NotNegative, Number, Positive, Table
 
@@ -61,9 +62,6 @@ class CampaignTable(Table):
     success: SuccessTable = SuccessTable()
 
 
-Numbers = NDArray[np.float64]
-
-
 BLOCK = 1024  # runs; each block of each quantity has a stream of its own
 
 
@@ -77,7 +75,7 @@ def quantities(table: CampaignTable) -> Iterator[tuple[str, str, Distribution]]:
             yield place, name, distribution
 
 
-def draws(table: CampaignTable, block: int, count: int) -> dict[str, Numbers]:
+def draws(table: CampaignTable, block: int, count: int) -> dict[str, Floats]:
     """The numbers that the first `count` runs of a block draw, by "place.name", (count,) each."""
     return {
         f"{place}.{name}": draw(distribution, _stream(table.seed, block, f"{place}.{name}"))[:count]
@@ -90,7 +88,7 @@ def noise_seeds(table: CampaignTable, block: int, count: int) -> NDArray[np.int6
     return _stream(table.seed, block, "noise").integers(2**62, size=BLOCK)[:count]
 
 
-def draw(distribution: Distribution, stream: np.random.Generator) -> Numbers:
+def draw(distribution: Distribution, stream: np.random.Generator) -> Floats:
     """One number for every run of a block, (BLOCK,)."""
     if distribution.uniform is not None:
         low, high = distribution.uniform

@@ -19,7 +19,7 @@ from wmr_afl.simulation.closed_loop import ClosedLoop
 class Loaded:
     """An experiment, the file where it stands, and the closed loop of each of its controllers."""
 
-    told: Experiment
+    experiment: Experiment
     path: Path
     loops: dict[str, ClosedLoop]
 
@@ -41,19 +41,19 @@ def load_experiment(name: str | Path) -> Loaded:
     """
     path = find_experiment(name)
     place, text = path.absolute(), _digest([path])
-    told = _told(path, place, text)
-    return _loaded(path, place, text, _stamps(model_of(told, path)))
+    experiment = _read(path, place, text)
+    return _assembled(path, place, text, _stamps(model_of(experiment, path)))
 
 
 @functools.lru_cache(maxsize=16)
-def _told(path: Path, place: Path, text: str) -> Experiment:
+def _read(path: Path, place: Path, text: str) -> Experiment:
     return read_experiment(path)[0]
 
 
 @functools.lru_cache(maxsize=16)
-def _loaded(path: Path, place: Path, text: str, model: tuple[tuple[int, int, int], ...]) -> Loaded:
-    told = _told(path, place, text)
-    return Loaded(told, path, assemble(told, path))
+def _assembled(path: Path, place: Path, text: str, model: tuple[tuple[int, int, int], ...]) -> Loaded:
+    experiment = _read(path, place, text)
+    return Loaded(experiment, path, assemble(experiment, path))
 
 
 def _stamps(folder: Path) -> tuple[tuple[int, int, int], ...]:

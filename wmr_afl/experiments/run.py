@@ -1,4 +1,4 @@
-"""Experiment in, runs out."""
+"""Experiment in, runs out: one of each controller, or many robots under one."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.experiments.vary import vary
-from wmr_afl.simulation.batch import BatchResult, _telling, advance_all, advance_blocks, summarize
+from wmr_afl.experiments.vary import Differences, vary
+from wmr_afl.simulation.batch import BatchOptions, BatchResult, advance_all
 from wmr_afl.simulation.closed_loop import sample_times
 from wmr_afl.simulation.result import Run
 from wmr_afl.simulation.simulate import simulate
@@ -27,25 +27,28 @@ def run(
     """Runs every controller of an experiment, or those named, one after the other.
 
     `experiment`: the name of a shipped experiment or a TOML file; `backend`: "numpy" runs step by step, "casadi" traces
-    the step once and runs it by CasADi's virtual machine, "compiled" as machine code, "auto" takes the
-    faster one of these by the number of samples.
-    Raises: InputError, UnknownNameError.
+    the step once and runs it by CasADi's virtual machine, "compiled" as machine code, "auto" chooses the faster one of
+    these by the number of samples.
+
+    Raises:
+        InputError: if the file has a mistake.
+        UnknownNameError: if there is no such experiment, controller or backend.
     """
     loaded = load_experiment(experiment)
-    simulation, loops = loaded.told.simulation, loaded.loops
+    duration, loops = loaded.experiment.simulation.duration, loaded.loops
     chosen = [controllers] if isinstance(controllers, str) else list(controllers or loops)
     for name in chosen:
         loaded.name(name)
     runs = {}
     for name in chosen:
-        total, done = len(sample_times(loops[name], simulation.duration)), 0
+        total, done = len(sample_times(loops[name], duration)), 0
 
-        def tell(count: int, name: str = name, total: int = total) -> None:
+        def report(count: int, name: str = name, total: int = total) -> None:
             nonlocal done
             done += count
             progress(name, done, total)
 
-        runs[name] = simulate(loops[name], simulation.duration, name, backend, tell)
+        runs[name] = simulate(loops[name], duration, name, backend, report)
     return runs
 
 
@@ -66,18 +69,24 @@ def run_batch(
     """Runs one controller of an experiment (the first unless named) for many robots that differ in numbers.
 
     `parameters`, `start`: physical parameters and states by name, (N,) each; the controller knows the known constants
-    of each robot, and exact or guessed estimates follow. `values`: gains of the loop by name (b1, Gamma ...), (N, ...);
-    `scale`: factors (N,) on parameters or gains by name;
-    `seeds` (N,) of the measurement noise. Errors count since `since` [s]. `backend`: "compiled", "casadi", or "auto".
-    `trajectories`: an HDF5 file that takes all samples of all runs, chunk by chunk, whatever their number.
-    Raises: InputError, UnknownNameError; ShapeError, where the numbers of robots differ; WmrError.
+    of each robot, and exact or guessed estimates follow. `values`: gains by name (b1, Gamma ...), (N, ...); `scale`:
+    factors (N,) on parameters or gains by name, `parameters.b1` or `gains.b1` if both have the name; `seeds` (N,) of
+    the measurement noise. Errors count since `since` [s]. `backend`: "compiled", "casadi", or "auto". `trajectories`:
+    an HDF5 file that takes all samples of all runs, chunk by chunk, whatever their number.
+
+    Raises:
+        InputError: if the file has a mistake.
+        UnknownNameError: if there is no such experiment, controller, backend, parameter, state or gain.
+        ShapeError: if the numbers of robots differ.
+        WmrError: if no robot can have these numbers, or the file cannot be written.
     """
     loaded = load_experiment(experiment)
-    name, duration = loaded.name(controller), loaded.told.simulation.duration
+    name = loaded.name(controller)
     loop = loaded.loops[name]
-    variation = vary(loaded.told, loop, name, parameters or {}, start or {}, values or {}, seeds, scale)
+    options = BatchOptions(loaded.experiment.simulation.duration, since, threads, backend, progress)
+    differences = Differences(parameters or {}, start or {}, values or {}, scale or {}, seeds)
+    ensemble = vary(loaded.experiment, name, loop, differences)
     if trajectories is None:
-        return advance_all(loop, variation, duration, since, threads, backend, progress)
-    with recording(Path(trajectories), loop, sample_times(loop, duration), variation.count) as record:
-        blocks = advance_blocks(loop, variation, duration, since, threads, backend, record)
-        return summarize(_telling(blocks, progress), loop, duration, since)
+        return advance_all(loop, ensemble, options)
+    with recording(Path(trajectories), loop, sample_times(loop, options.duration), ensemble.count) as record:
+        return advance_all(loop, ensemble, options, record)

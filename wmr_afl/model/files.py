@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -17,9 +18,8 @@ _NEEDED: dict[str, type] = {
     "title": str,
     "source": str,
     "parametrization": str,
-    "functions": list,
     **dict.fromkeys(("state", "inputs", "outputs", "parameters", "motors", "defaults", "about", "known"), dict),
-    **dict.fromkeys(("base_parameters", "base_parameter_formulas", "geometry", "findings"), dict),
+    **dict.fromkeys(("base_parameters", "base_parameter_formulas", "functions", "geometry", "findings"), dict),
 }
 
 
@@ -65,12 +65,25 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
     Raises: InputError.
     """
-    path = folder / "model.json"
+    return _read_json(folder / "model.json", _NEEDED)
+
+
+def read_trusted_values(folder: Path) -> dict[str, Any]:
+    """The content of `trusted_values.json`.
+
+    Raises:
+        InputError: if the file is missing or damaged.
+    """
+    return _read_json(folder / "trusted_values.json", {"arguments": dict, "values": dict})
+
+
+def _read_json(path: Path, needed: Mapping[str, type]) -> dict[str, Any]:
+    """The content of a file of a model, which holds these keys at least."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise InputError(str(path), "", f"cannot be read ({error})", "derive the robot again") from None
-    for key, kind in _NEEDED.items():
+    for key, kind in needed.items():
         if not isinstance(content, dict) or not isinstance(content.get(key), kind):
             raise InputError(str(path), key, "is missing or damaged", "derive the robot again")
     return content
@@ -82,8 +95,8 @@ def check_module(module: ModuleType, path: Path, metadata: dict[str, Any]) -> No
     Raises: InputError.
     """
     for key in ("name", "parametrization", "state", "inputs", "outputs", "parameters", "known", "base_parameters"):
-        there, told = getattr(module, key.upper(), None), metadata[key]
-        if there != told or (isinstance(told, dict) and list(there or ()) != list(told)):
+        there, expected = getattr(module, key.upper(), None), metadata[key]
+        if there != expected or (isinstance(expected, dict) and list(there or ()) != list(expected)):
             raise InputError(str(path), key.upper(), "is not that of model.json beside it", "derive the robot again")
     missing = [name for name in metadata["functions"] if not hasattr(module, name)]
     if missing:

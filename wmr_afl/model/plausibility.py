@@ -8,10 +8,10 @@ import numpy as np
 
 from wmr_afl.errors import WmrError
 from wmr_afl.model.model import Model
-from wmr_afl.numerics.arrays import Vector
+from wmr_afl.numerics.arrays import Floats
 
 
-def check_robots(model: Model, start: Mapping[str, float], parameters: Vector) -> None:
+def check_robots(model: Model, start: Mapping[str, float], parameters: Floats) -> None:
     """Masses are not negative, base parameters finite, the inertia matrix positive definite at the start.
 
     `parameters` (n_p,), or (N, n_p) for N robots.
@@ -23,7 +23,7 @@ def check_robots(model: Model, start: Mapping[str, float], parameters: Vector) -
             value = robots[np.argmax(robots[:, column] < 0.0), column]
             raise WmrError(f"{name} = {value:g} {unit} is negative", "choose a mass or inertia that a robot can have")
 
-    def told(wrong: np.ndarray) -> str:
+    def described(wrong: np.ndarray) -> str:
         robot = robots[np.argmax(wrong)]
         defaults = model.parameters()
         changed = [f"{n} = {v:g}" for n, v, default in zip(names, robot, defaults, strict=True) if v != default]
@@ -35,10 +35,12 @@ def check_robots(model: Model, start: Mapping[str, float], parameters: Vector) -
         theta, inertia = model.base_parameters(robots), model.inertia_matrix(q, robots)
     strange = ~np.isfinite(theta).all(axis=1)
     if strange.any():
-        problem = f"the base parameters are not finite with {told(strange)}"
+        problem = f"the base parameters are not finite with {described(strange)}"
         raise WmrError(problem, "choose values that a robot can have")
     strange = ~np.isfinite(inertia).all(axis=(1, 2))
     if not strange.any():
         strange = np.linalg.eigvalsh(inertia)[:, 0] <= 0.0
     if strange.any():
-        raise WmrError(f"the inertia matrix is not positive definite with {told(strange)}", "choose positive masses")
+        raise WmrError(
+            f"the inertia matrix is not positive definite with {described(strange)}", "choose positive masses"
+        )

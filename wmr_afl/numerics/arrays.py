@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+Floats = NDArray[np.float64]  # any shape; NumPy only
 Array = Any  # numpy.ndarray or casadi.SX
 
 
@@ -61,9 +62,8 @@ class CasadiArrays:
 
 
 NUMPY: Arrays = NumpyArrays()
-
-
 CASADI: Arrays = CasadiArrays()
+LIBRARIES: dict[str, Arrays] = {"numpy": NUMPY, "casadi": CASADI}
 
 
 def norm(vector: Array, arrays: Arrays) -> Array:
@@ -77,6 +77,3 @@ def dot(a: Array, b: Array) -> Array:
     for i in range(1, a.shape[0]):
         total = total + a[i] * b[i]
     return total
-
-
-Vector = NDArray[np.float64]

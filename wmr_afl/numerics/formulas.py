@@ -1,17 +1,28 @@
-"""Expressions of time `t` [s], for references and for what disturbs: read once, then values for NumPy and CasADi."""
+"""Formulas as text: expressions of time `t` for NumPy and CasADi, and formulas of model.json for NumPy."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from math import pi
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
-from wmr_input import Algebra, evaluate
+from wmr_input import LONGEST_FORMULA, Algebra, evaluate
 
-TIME_FUNCTIONS = {
+_ON_ARRAYS = {
+    "sin": np.sin,
+    "cos": np.cos,
+    "tan": np.tan,
+    "exp": np.exp,
+    "sqrt": np.sqrt,
+    "tanh": np.tanh,
+    "abs": np.abs,
+    "sign": np.sign,
+}
+_OF_TIME = {
     "sin": ca.sin,
     "cos": ca.cos,
     "tan": ca.tan,
@@ -24,13 +35,22 @@ TIME_FUNCTIONS = {
 }
 
 
-def time_expression(text: str, t: ca.SX) -> ca.SX:
-    """An expression of time `t` [s] as CasADi expression.
+def numpy_value(formula: str, names: Mapping[str, Any]) -> Any:
+    """The value of a formula over `names`, which may be arrays.
 
-    Raises: ExpressionError.
+    Raises:
+        ExpressionError: if the formula is not arithmetic over these names.
     """
-    algebra = Algebra(names={"t": t, "pi": pi}, functions=TIME_FUNCTIONS, number=_number)
-    return ca.SX(evaluate(text, algebra))
+    return evaluate(formula, Algebra(dict(names) | {"pi": pi}, _ON_ARRAYS, _number), LONGEST_FORMULA)
+
+
+def time_expression(text: str, t: ca.SX) -> ca.SX:
+    """An expression of time `t` [s] as a CasADi expression.
+
+    Raises:
+        ExpressionError: if it is not arithmetic over `t`.
+    """
+    return ca.SX(evaluate(text, Algebra({"t": t, "pi": pi}, _OF_TIME, _number)))
 
 
 def _number(fraction: Fraction) -> float:
@@ -38,9 +58,10 @@ def _number(fraction: Fraction) -> float:
 
 
 class TimeFunction:
-    """A vector of expressions of time, with derivatives up to `order`.
+    """A vector of expressions of time `t` [s], with derivatives up to `order`.
 
-    Raises: ExpressionError, where an expression is wrong.
+    Raises:
+        ExpressionError: if an expression is wrong.
     """
 
     def __init__(self, expressions: Sequence[str], order: int = 0) -> None:
@@ -51,6 +72,6 @@ class TimeFunction:
         self.function = ca.Function("of_time", [t], [ca.densify(part) for part in parts])
 
     def __call__(self, t: Any) -> list[Any]:
-        """Value and derivatives at time t [s]: columns where t is symbolic, NumPy vectors where it is a number."""
+        """Value and derivatives at time t [s]: columns if t is symbolic, NumPy vectors if it is a number."""
         parts = self.function.call([t])
         return parts if isinstance(t, ca.SX) else [part.full()[:, 0] for part in parts]

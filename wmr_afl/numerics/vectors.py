@@ -1,4 +1,4 @@
-"""Numbers told by name, in order, or as one for all."""
+"""Numbers given as one for all, in order, or by name, as vectors."""
 
 from __future__ import annotations
 
@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
-from wmr_afl.numerics.arrays import Vector
+from wmr_afl.numerics.arrays import Floats
 from wmr_input.fields import Named
 
 
-def by_name(kind: str, given: Named, names: Sequence[str], missing: float | None = None) -> Vector:
-    """Numbers told as one for all, as a list in order, or by name -> (len(names),).
+def by_name(kind: str, given: Named, names: Sequence[str], missing: float | None = None) -> Floats:
+    """One number for all, a list in order, or numbers by name, as (len(names),); `kind` is what the names are of.
 
-    Raises: UnknownNameError; WmrError, where some are missing.
+    Raises:
+        UnknownNameError: if a name is not one of `names`.
+        WmrError: if some are missing and `missing` is None, or the list is of another length.
     """
     if isinstance(given, dict):
         for name in given:
@@ -33,10 +35,11 @@ def by_name(kind: str, given: Named, names: Sequence[str], missing: float | None
     return np.broadcast_to(array, (len(names),)).copy()
 
 
-def per_entry(name: str, value: ArrayLike, size: int) -> Vector:
+def per_entry(name: str, value: ArrayLike, size: int) -> Floats:
     """A number for all, or one for each entry, as (size,).
 
-    Raises: ShapeError.
+    Raises:
+        ShapeError: if it is neither, or not finite.
     """
     array = np.asarray(value, dtype=float)
     if array.shape not in ((), (size,)) or not np.all(np.isfinite(array)):

@@ -8,6 +8,7 @@ from wmr_afl.plant.lateral_slip import LateralSlip
 from wmr_afl.plant.measurement_noise import MeasurementNoise
 from wmr_afl.plant.payload_change import PayloadChange
 from wmr_afl.plant.plant import Plant
+from wmr_afl.plant.uncertainty import Uncertainty
 
 __all__ = [
     "Disturbance",
@@ -18,4 +19,5 @@ __all__ = [
     "MeasurementNoise",
     "PayloadChange",
     "Plant",
+    "Uncertainty",
 ]

@@ -9,14 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.errors import WmrError
-from wmr_afl.model.model import Language, Model
-from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.vectors import per_entry
 from wmr_afl.plant.loads import Place
-from wmr_input.fields import Numbers, Table
+from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
+from wmr_input.fields import Numbers
 
 
-class FrictionTable(Table):
+class FrictionTable(UncertaintyTable):
     """Fv r + Kd sgn r (95), acting on the pseudo-velocities or on the motors' shafts ("wheels").
 
     `of` = "pseudo_velocities" with `on` = "wheels" is the literal reading of (7), (13).
@@ -27,13 +28,22 @@ class FrictionTable(Table):
     on: Literal["pseudo_velocities", "wheels"]
     of: Literal["pseudo_velocities", "wheels"] | None = None
 
+    def build(self, surroundings: Surroundings) -> Friction:
+        if self.of == "wheels" and self.on != "wheels":
+            raise WmrError("friction of the wheels acts on the wheels", 'write on = "wheels"')
+        return Friction(surroundings.model, self.viscous, self.coulomb, self.on, self.of == "pseudo_velocities")
 
-class Friction:
+
+class Friction(Uncertainty):
     """F(r) = Fv r + Kd sgn r (95), of the rates r at the place where it acts.
 
     `of_pseudo_velocities` takes r = v although the torque acts on the wheels, as (7) and (13) read literally.
-    Raises: WmrError, where a coefficient is negative or the channels do not match.
+
+    Raises:
+        WmrError: if a coefficient is negative or the channels do not match.
     """
+
+    name = "friction"
 
     def __init__(
         self,
@@ -53,10 +63,10 @@ class Friction:
             raise WmrError(f"{count} wheels for {model.pseudo_velocity_count} pseudo-velocities", "leave `of` out")
 
     @property
-    def values(self) -> dict[str, Vector]:
+    def values(self) -> dict[str, Floats]:
         return {"viscous": self.viscous, "coulomb": self.coulomb}
 
-    def force(self, t: Array, q: Array, v: Array, p: Array, k: SimpleNamespace, language: Language) -> Array:
-        """Fbar (n-m,)."""
-        rates = v if self.of_v else self.place.rates(q, v, p, language)
-        return self.place.on_v(k.viscous * rates + k.coulomb * language.arrays.sign(rates), q, p, language)
+    def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array:
+        q, v = x[: model.coordinate_count], x[model.coordinate_count :]
+        rates = v if self.of_v else self.place.rates(q, v, p, model)
+        return self.place.on_v(k.viscous * rates + k.coulomb * model.arrays.sign(rates), q, p, model)

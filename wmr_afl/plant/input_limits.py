@@ -3,33 +3,45 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import ClassVar
 
 from numpy.typing import ArrayLike
 
 from wmr_afl.errors import WmrError
-from wmr_afl.numerics.arrays import Array, Arrays, Vector
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.vectors import per_entry
-from wmr_input.fields import Numbers, Table
+from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
+from wmr_input.fields import Numbers
 
 
-class InputLimitsTable(Table):
+class InputLimitsTable(UncertaintyTable):
     """|u| <= volts"""
+
+    key: ClassVar[str] = "volts"
 
     volts: Numbers
 
+    def build(self, surroundings: Surroundings) -> InputLimits:
+        return InputLimits(len(surroundings.model.input_units), self.volts)
 
-class InputLimits:
-    """|u| <= limit [V], one limit for all motors or one for each."""
 
-    def __init__(self, inputs: int, limit: ArrayLike) -> None:
-        self.limit = per_entry("input limit", limit, inputs)
-        if (self.limit <= 0).any():
-            raise WmrError(f"the input limit is {self.limit}", "choose a positive voltage")
+class InputLimits(Uncertainty):
+    """|u| <= volts [V], one limit for all motors or one for each.
+
+    Raises:
+        WmrError: if a limit is not positive.
+    """
+
+    name, is_of_drive = "input_limits", True
+
+    def __init__(self, inputs: int, volts: ArrayLike) -> None:
+        self.volts = per_entry("input limit", volts, inputs)
+        if (self.volts <= 0).any():
+            raise WmrError(f"the input limit is {self.volts}", "choose a positive voltage")
 
     @property
-    def values(self) -> dict[str, Vector]:
-        return {"input_limit": self.limit}
+    def values(self) -> dict[str, Floats]:
+        return {"volts": self.volts}
 
-    def applied(self, u: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
-        """The voltages that reach the motors."""
-        return arrays.minimum(arrays.maximum(u, -k.input_limit), k.input_limit)
+    def applied(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> Array:
+        return arrays.minimum(arrays.maximum(u, -k.volts), k.volts)

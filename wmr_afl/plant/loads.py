@@ -1,32 +1,19 @@
-"""Generalized forces on the pseudo-velocities, w = Fbar + taubar_d of (14), told where they act."""
+"""Where loads act: straight on the pseudo-velocities, or on the motors' shafts, from where X^T carries them to v."""
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Protocol
-
 from wmr_afl.errors import UnknownNameError
-from wmr_afl.model.model import Language, Model
-from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array
 
 PLACES = ("pseudo_velocities", "wheels")
 
 
-class Load(Protocol):
-    """Something that acts on a robot besides its motors."""
-
-    @property
-    def values(self) -> dict[str, Vector]: ...
-
-    def force(self, t: Array, q: Array, v: Array, p: Array, k: SimpleNamespace, language: Language) -> Array:
-        """w (n-m,), counted against the motion: Mbar v' + Cbar v + w = Bbar K1 u (14)."""
-        ...
-
-
 class Place:
-    """Where a load acts: straight on v, or on the motors' shafts, from where X^T carries it to v.
+    """Where a load acts.
 
-    Raises: UnknownNameError, where there is no such place.
+    Raises:
+        UnknownNameError: if there is no such place.
     """
 
     def __init__(self, model: Model, name: str) -> None:
@@ -36,10 +23,10 @@ class Place:
         names = model.input_units if self.on_wheels else list(model.state_units)[model.coordinate_count :]
         self.channels = list(names)
 
-    def rates(self, q: Array, v: Array, p: Array, language: Language) -> Array:
+    def rates(self, q: Array, v: Array, p: Array, model: Model) -> Array:
         """v, or the shafts' rates X v (10)."""
-        return language.model.actuator_rates_matrix(q, p) @ v if self.on_wheels else v
+        return model.actuator_rates_matrix(q, p) @ v if self.on_wheels else v
 
-    def on_v(self, force: Array, q: Array, p: Array, language: Language) -> Array:
+    def on_v(self, force: Array, q: Array, p: Array, model: Model) -> Array:
         """The generalized force on v of a force at this place."""
-        return language.model.actuator_rates_matrix(q, p).T @ force if self.on_wheels else force
+        return model.actuator_rates_matrix(q, p).T @ force if self.on_wheels else force

@@ -3,42 +3,57 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from wmr_afl.errors import ShapeError
+from wmr_afl.errors import ShapeError, WmrError
 from wmr_afl.model.model import Model
-from wmr_afl.numerics.arrays import Array, Arrays, Vector
-from wmr_input.fields import NotNegative, Number, Table
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.rules import Rules
+from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
+from wmr_input.fields import NotNegative, Number
 
 
-class PayloadTable(Table):
+class PayloadTable(UncertaintyTable):
     """Physical parameters of the plant that change at a time [s]."""
+
+    key: ClassVar[str] = "parameters"
 
     time: NotNegative
     parameters: Annotated[dict[str, Number], Field(min_length=1)]
 
+    def build(self, surroundings: Surroundings) -> PayloadChange:
+        model = surroundings.model
+        for name in self.parameters:
+            if name in model.known_units:
+                problem = f"{name} is a known constant, not part of the payload"
+                raise WmrError(problem, "change uncertain parameters")
+        return PayloadChange(model, self.time, model.replaced(surroundings.parameters, self.parameters))
 
-class PayloadChange:
-    """The plant's parameters are `parameters` (n_p,) from `time` [s] on.
+    def rules(self, model: Model) -> Rules:
+        return {"parameters": lambda n: model.replaced(n["p"], self.parameters)}
 
-    Raises: ShapeError, where they do not fit.
+
+class PayloadChange(Uncertainty):
+    """The plant's parameters are `loaded` (n_p,) from `time` [s] on.
+
+    Raises:
+        ShapeError: if they do not fit.
     """
 
-    def __init__(self, model: Model, time: float, parameters: ArrayLike) -> None:
-        self.time, self.parameters = np.array([float(time)]), np.asarray(parameters, dtype=float)
-        if self.parameters.shape != (len(model.parameter_units),):
-            raise ShapeError(
-                f"parameters have shape {self.parameters.shape}", f"expected ({len(model.parameter_units)},)"
-            )
+    name = "payload"
+
+    def __init__(self, model: Model, time: float, loaded: ArrayLike) -> None:
+        self.time, self.loaded = np.array([float(time)]), np.asarray(loaded, dtype=float)
+        if self.loaded.shape != (len(model.parameter_units),):
+            raise ShapeError(f"parameters have shape {self.loaded.shape}", f"expected ({len(model.parameter_units)},)")
 
     @property
-    def values(self) -> dict[str, Vector]:
-        return {"payload_time": self.time, "payload_parameters": self.parameters}
+    def values(self) -> dict[str, Floats]:
+        return {"time": self.time, "parameters": self.loaded}
 
-    def now(self, t: Array, p: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
-        """The parameters at time t."""
-        return arrays.where(t >= k.payload_time[0], k.payload_parameters, p)
+    def parameters(self, t: Array, p: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
+        return arrays.where(t >= k.time[0], k.parameters, p)

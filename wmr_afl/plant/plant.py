@@ -9,21 +9,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.errors import ShapeError, UnknownNameError
-from wmr_afl.model.model import Language, Model
-from wmr_afl.numerics.arrays import Array, Vector
-from wmr_afl.plant.input_delay import InputDelay
-from wmr_afl.plant.input_limits import InputLimits
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.parts import Parts, prefixed
 from wmr_afl.plant.integrators import INTEGRATORS
-from wmr_afl.plant.lateral_slip import LateralSlip
-from wmr_afl.plant.loads import Load
-from wmr_afl.plant.measurement_noise import MeasurementNoise
-from wmr_afl.plant.payload_change import PayloadChange
+from wmr_afl.plant.uncertainty import Uncertainty
 
 
 class Plant:
     """x' = f + q + g u + xi (15), integrated over one sample with the input held.
 
-    Raises: ShapeError, where the start does not fit; UnknownNameError, where there is no such integrator.
+    Raises:
+        ShapeError: if the start does not fit.
+        UnknownNameError: if there is no such integrator.
     """
 
     def __init__(
@@ -32,13 +30,9 @@ class Plant:
         parameters: ArrayLike,
         start: ArrayLike,
         integrator: str = "euler",
-        limits: InputLimits | None = None,
-        noise: MeasurementNoise | None = None,
-        loads: Sequence[Load] = (),
-        slip: LateralSlip | None = None,
-        payload: PayloadChange | None = None,
-        delay: InputDelay | None = None,
+        uncertainties: Sequence[Uncertainty] = (),
     ) -> None:
+        """`parameters`: p (n_p,); `start`: x (2n-m,); `uncertainties` in the order in which they act."""
         self.parameters = np.asarray(parameters, dtype=float)
         self.start = np.asarray(start, dtype=float)
         if self.start.shape != (len(model.state_units),) or not np.all(np.isfinite(self.start)):
@@ -48,59 +42,72 @@ class Plant:
             )
         if integrator not in INTEGRATORS:
             raise UnknownNameError("integrator", integrator, INTEGRATORS)
-        self.integrator, self.limits, self.noise = INTEGRATORS[integrator], limits, noise
-        self.loads, self.slip, self.payload, self.delay = tuple(loads), slip, payload, delay
-        self._n, self._velocities = model.coordinate_count, model.pseudo_velocity_count
+        self.integrator, self.uncertainties = INTEGRATORS[integrator], Parts(uncertainties)
 
     @property
-    def values(self) -> dict[str, Vector]:
+    def values(self) -> dict[str, Floats]:
         """The numbers that may differ between robots of a batch."""
-        effects = (self.limits, self.noise, self.payload, *self.loads)
-        return {"p": self.parameters} | {name: v for effect in effects if effect for name, v in effect.values.items()}
+        return {"p": self.parameters, **self.uncertainties.values}
 
     @property
-    def states(self) -> dict[str, Vector]:
-        return {"x": self.start, **(self.delay.states if self.delay else {})}
+    def states(self) -> dict[str, Floats]:
+        """The states at the start."""
+        return {"x": self.start, **self.uncertainties.states}
 
-    def measured(self, x: Array, sample: Array, k: SimpleNamespace) -> Array:
-        """The state as it is measured; `sample` are standard normal numbers (2n-m,)."""
-        return self.noise.measured(x, sample, k) if self.noise else x
+    @property
+    def samples(self) -> int:
+        """How many standard normal numbers are drawn at every sample time."""
+        return sum(part.samples for part in self.uncertainties)
 
-    def applied(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, language: Language) -> Array:
+    @property
+    def seed(self) -> int:
+        """Of these numbers."""
+        return next((part.seed for part in self.uncertainties if part.samples), 0)
+
+    def measured(self, x: Array, sample: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
+        """The state as it is seen, (2n-m,); `sample` are standard normal numbers (samples,)."""
+        taken = 0
+        for part, own in self.uncertainties.with_values(k):
+            x = part.measured(x, sample[taken : taken + part.samples], own, arrays)
+            taken += part.samples
+        return x
+
+    def applied(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> Array:
         """The voltages that reach the motors while u is commanded, (n_u,)."""
-        arriving = self.delay.arriving(z) if self.delay else u
-        return self.limits.applied(arriving, k, language.arrays) if self.limits else arriving
+        for _, part, state, own in self.uncertainties.with_states(z, k):
+            u = part.applied(u, state, own, arrays)
+        return u
 
-    def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, language: Language) -> Array:
+    def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array:
         """w = Fbar + taubar_d (14), (n-m,)."""
-        total = np.zeros(self._velocities)
-        for load in self.loads:
-            total = load.force(t, x[: self._n], x[self._n :], p, k, language) + total
+        total = np.zeros(model.pseudo_velocity_count)
+        for part, own in self.uncertainties.with_values(k):
+            force = part.load(t, x, p, own, model)
+            total = total if force is None else force + total
         return total
 
-    def parameters_at(self, t: Array, k: SimpleNamespace, language: Language) -> Array:
+    def parameters_at(self, t: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
         """p at time t, (n_p,)."""
-        return self.payload.now(t, k.p, k, language.arrays) if self.payload else k.p
+        p = k.p
+        for part, own in self.uncertainties.with_values(k):
+            p = part.parameters(t, p, own, arrays)
+        return p
+
+    def rate(self, t: Array, x: Array, u: Array, k: SimpleNamespace, model: Model) -> Array:
+        """x' (15) at time t while the motors get u, (2n-m,)."""
+        p = self.parameters_at(t, k, model.arrays)
+        x_dot = model.state_derivative(x, u, self.load(t, x, p, k, model), p)
+        for part, own in self.uncertainties.with_values(k):
+            added = part.rate(t, x, own, model)
+            x_dot = x_dot if added is None else x_dot + added
+        return x_dot
 
     def update(
-        self,
-        t: Array,
-        command: Array,
-        applied: Array,
-        z: SimpleNamespace,
-        k: SimpleNamespace,
-        step: Array,
-        language: Language,
+        self, t: Array, u: Array, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> dict[str, Array]:
-        """The plant's state one sample later."""
-
-        def rate(time: Array, x: Array) -> Array:
-            p = self.parameters_at(time, k, language)
-            w = self.load(time, x, p, k, language)
-            derivative = language.model.state_derivative(x, applied, w, p)
-            return derivative + self.slip.rate(time, x, language.arrays) if self.slip else derivative
-
-        following = {"x": self.integrator(rate, t, z.x, step)}
-        if self.delay is not None:
-            following |= self.delay.update(command, z, language.arrays)
-        return following
+        """The plant's states one sample later, for the command u."""
+        following: dict[str, Array] = {}
+        for key, part, state, own in self.uncertainties.with_states(z, k):
+            following |= prefixed(key, part.update(u, state, own, model.arrays))
+            u = part.applied(u, state, own, model.arrays)
+        return {"x": self.integrator(lambda time, x: self.rate(time, x, u, k, model), t, z.x, step), **following}

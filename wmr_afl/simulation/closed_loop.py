@@ -1,4 +1,4 @@
-"""Plant, controller and reference as one step in discrete time: the text that NumPy runs and CasADi traces."""
+"""Plant, law and reference as one step in discrete time: the text that NumPy runs and CasADi traces."""
 
 from __future__ import annotations
 
@@ -11,32 +11,33 @@ import numpy as np
 
 from wmr_afl.controllers.outer_loop import tracking_error
 from wmr_afl.controllers.reference import Reference
-from wmr_afl.controllers.tracking_law import TrackingController
-from wmr_afl.model.model import Language, Model
-from wmr_afl.numerics.arrays import Array, Vector
+from wmr_afl.controllers.tracking_law import TrackingLaw
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array, Floats
+from wmr_afl.numerics.parts import disjoint
 from wmr_afl.plant.plant import Plant
 from wmr_afl.simulation.layout import Layout
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """One robot, one controller, one reference, sampled every `sample_time` [s]; each is its own and may be a key."""
+    """One robot, one law, one reference, sampled every `sample_time` [s]; each is its own and may be a key."""
 
     model: Model
     plant: Plant
-    controller: TrackingController
+    law: TrackingLaw
     reference: Reference
     sample_time: float
 
     @functools.cached_property
-    def values(self) -> dict[str, Vector]:
+    def values(self) -> dict[str, Floats]:
         """Parameters and gains: what may differ between robots of a batch, never the text."""
-        return {**self.plant.values, **self.controller.values}
+        return disjoint(self.plant.values, self.law.values)
 
     @functools.cached_property
-    def states(self) -> dict[str, Vector]:
-        """The loop's state at the start."""
-        return {**self.plant.states, **self.controller.states}
+    def states(self) -> dict[str, Floats]:
+        """The loop's states at the start."""
+        return disjoint(self.plant.states, self.law.states)
 
     @functools.cached_property
     def signals(self) -> dict[str, int]:
@@ -58,34 +59,34 @@ class ClosedLoop:
         return Layout({name: np.zeros(size) for name, size in self.signals.items()})
 
     def step(
-        self, t: Array, z: SimpleNamespace, k: SimpleNamespace, sample: Array, language: Language
+        self, t: Array, z: SimpleNamespace, k: SimpleNamespace, sample: Array, model: Model
     ) -> tuple[dict[str, Array], dict[str, Array]]:
-        """From sample to sample: the next state of the loop, and the signals now.
+        """From sample to sample: the next states of the loop, and the signals now.
 
-        t [s]; z: state by name; k: values by name; sample: standard normal numbers (2n-m,).
+        t [s]; z: states and k: numbers by part and name; sample: standard normal numbers; model: in the library to use.
         """
         reference = self.reference.at(t)
-        seen = self.plant.measured(z.x, sample, k)
-        action = self.controller.act(seen, reference, z, k, language)
-        applied = self.plant.applied(action.input, z, k, language)
+        seen = self.plant.measured(z.x, sample, k, model.arrays)
+        action = self.law.act(seen, reference, z, k, model)
+        applied = self.plant.applied(action.input, z, k, model.arrays)
         signals = {
             "x": z.x,
             "u": applied,
             "command": action.input,
-            "e": tracking_error(z.x, k.c, reference, language).e,
+            "e": tracking_error(z.x, k.c, reference, model).e,
             "theta_hat": z.theta_hat,
             "reference": reference.position,
             "regularity": action.regularity,
         }
         following = {
-            **self.plant.update(t, action.input, applied, z, k, self.sample_time, language),
-            **self.controller.update(seen, action, applied, z, k, self.sample_time, language),
+            **self.plant.update(t, action.input, z, k, model, self.sample_time),
+            **self.law.update(seen, action, applied, z, k, model, self.sample_time),
         }
         return following, signals
 
 
 @functools.lru_cache(maxsize=32)
-def sample_times(loop: ClosedLoop, duration: float) -> Vector:
+def sample_times(loop: ClosedLoop, duration: float) -> Floats:
     """The times of all samples from 0 to `duration` [s], (T,), not to be written into."""
     times = np.asarray(np.arange(round(duration / loop.sample_time) + 1) * loop.sample_time, dtype=np.float64)
     times.flags.writeable = False
@@ -95,11 +96,11 @@ def sample_times(loop: ClosedLoop, duration: float) -> Vector:
 @functools.lru_cache(maxsize=32)
 def trace(loop: ClosedLoop) -> ca.Function:
     """The loop's step as one function of flat columns: (state, t, noise sample, values) -> (next state, signals)."""
-    language = Language.of(loop.model, "casadi")
     states, values = Layout(loop.states), Layout(loop.values)
     z, k = ca.SX.sym("state", states.size), ca.SX.sym("values", values.size)
-    t, sample = ca.SX.sym("t"), ca.SX.sym("sample", loop.signals["x"])
-    following, now = loop.step(t, states.unpack_symbols(z), values.unpack_symbols(k), sample, language)
+    t, sample = ca.SX.sym("t"), ca.SX.sym("sample", loop.plant.samples)
+    model = loop.model.in_library("casadi")
+    following, now = loop.step(t, states.unpack_symbols(z), values.unpack_symbols(k), sample, model)
     outputs = [ca.densify(states.pack_symbols(following)), ca.densify(loop.signal_layout.pack_symbols(now))]
     return ca.Function(
         "step", [z, t, sample, k], ca.cse(outputs), ["state", "t", "sample", "values"], ["next", "signals"]

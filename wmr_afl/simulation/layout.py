@@ -1,4 +1,4 @@
-"""TODO wmr_afl.simulation.layout."""
+"""Named arrays <-> flat vectors: how states, numbers and signals of a loop lie one after the other."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from wmr_afl.numerics.arrays import Vector
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.parts import by_part
 
 
 class Layout:
     """Named arrays one after the other in a flat vector, matrices by row."""
 
-    def __init__(self, example: Mapping[str, Vector]) -> None:
+    def __init__(self, example: Mapping[str, Floats]) -> None:
         self.shapes = {name: np.shape(value) for name, value in example.items()}
         self.sizes = {name: int(np.prod(shape)) for name, shape in self.shapes.items()}
 
@@ -30,11 +31,11 @@ class Layout:
         ends = np.cumsum([0, *self.sizes.values()])
         return {name: slice(int(a), int(b)) for name, a, b in zip(self.sizes, ends[:-1], ends[1:], strict=True)}
 
-    def pack(self, values: Mapping[str, Any]) -> Vector:
+    def pack(self, values: Mapping[str, Any]) -> Floats:
         """Named NumPy arrays -> flat vector (size,)."""
         return np.concatenate([np.zeros(0), *(np.ravel(values[name]) for name in self.shapes)])
 
-    def unpack(self, flat: Vector) -> dict[str, Vector]:
+    def unpack(self, flat: Floats) -> dict[str, Floats]:
         """Flat vector -> named NumPy arrays."""
         return {name: flat[place].reshape(self.shapes[name]) for name, place in self.places.items()}
 
@@ -43,9 +44,9 @@ class Layout:
         return ca.vertcat(*(values[name] for name in self.shapes))
 
     def unpack_symbols(self, flat: ca.SX) -> SimpleNamespace:
-        """Flat column -> named columns and matrices."""
-        parts = {}
+        """Flat column -> columns and matrices, by part and name."""
+        found = {}
         for name, place in self.places.items():
             shape = self.shapes[name]
-            parts[name] = ca.reshape(flat[place], *shape[::-1]).T if len(shape) == 2 else flat[place]
-        return SimpleNamespace(**parts)
+            found[name] = ca.reshape(flat[place], *shape[::-1]).T if len(shape) == 2 else flat[place]
+        return by_part(found)

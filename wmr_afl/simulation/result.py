@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wmr_afl.errors import SimulationError
 from wmr_afl.model.model import Model
-
-Matrix = NDArray[np.float64]
+from wmr_afl.numerics.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -30,13 +28,15 @@ class Run:
 
     controller: str
     model: Model
-    time: Matrix  # (T,) [s]
-    state: Matrix  # (T, 2n-m)
-    input: Matrix  # (T, n_u) [V], as applied
-    command: Matrix  # (T, n_u) [V], as the controller wanted it
-    error: Matrix  # (T, n-m), e = y - yr of the true state
-    estimate: Matrix  # (T, n_theta)
-    reference: Matrix  # (T, n-m)
+    time: Floats  # (T,) [s]
+    state: Floats  # (T, 2n-m)
+    input: Floats  # (T, n_u) [V], as applied
+    command: Floats  # (T, n_u) [V], as the controller wanted it
+    error: Floats  # (T, n-m), e = y - yr of the true state
+    estimate: Floats  # (T, n_theta)
+    reference: Floats  # (T, n-m)
+    parameters: Floats  # p (n_p,) of the robot at the start
+    known: Floats  # c (n_c,), which the controller knew
     failure: Failure | None = None
 
     def __repr__(self) -> str:
@@ -44,25 +44,25 @@ class Run:
         return f"<Run of {self.model.name} under {self.controller}: {len(self.time)} samples, {end}>"
 
     @property
-    def output(self) -> Matrix:
+    def output(self) -> Floats:
         """y = h(q), (T, n-m)."""
         return self.error + self.reference
 
-    def rms(self, since: float = 0.0, until: float = np.inf) -> Matrix:
+    def rms(self, since: float = 0.0, until: float = np.inf) -> Floats:
         """Root mean square of the tracking error from `since` to `until` [s], (n-m,).
 
         Raises: SimulationError, where the run failed before `until` or holds no sample in between.
         """
         return np.sqrt(np.mean(self._window(since, until) ** 2, axis=0))
 
-    def largest_error(self, since: float = 0.0, until: float = np.inf) -> Matrix:
+    def largest_error(self, since: float = 0.0, until: float = np.inf) -> Floats:
         """Largest absolute tracking error from `since` to `until` [s], (n-m,).
 
         Raises: SimulationError, as `rms`.
         """
         return np.max(np.abs(self._window(since, until)), axis=0)
 
-    def _window(self, since: float, until: float) -> Matrix:
+    def _window(self, since: float, until: float) -> Floats:
         if self.failure is not None and self.failure.time <= until:
             raise SimulationError(f"{self.controller} {self.failure}", "ask for a window before that time")
         rows = (self.time >= since) & (self.time <= until)

@@ -7,20 +7,17 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wmr_afl.errors import SimulationError
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.simulation.closed_loop import ClosedLoop, sample_times
-from wmr_afl.simulation.ensemble import Variation, nominal
+from wmr_afl.simulation.ensemble import Ensemble
 from wmr_afl.simulation.layout import Layout
 from wmr_afl.simulation.result import Failure, Run
 from wmr_afl.simulation.steppers import stepper
 
-Progress = Callable[[int], None]  # told how many samples were done
-
-
-Rows = NDArray[np.float64]
+Progress = Callable[[int], None]  # called with the number of samples that were done
 
 
 class SimulationWarning(UserWarning):
@@ -33,7 +30,7 @@ def simulate(
     name: str = "",
     backend: str = "auto",
     progress: Progress = lambda done: None,
-    robot: Variation | None = None,
+    robot: Ensemble | None = None,
 ) -> Run:
     """Runs `loop` for `duration` [s], as it is or with the numbers of one `robot`.
 
@@ -45,7 +42,7 @@ def simulate(
         raise SimulationError(f"a sample of {loop.sample_time:g} s is longer than the run of {duration:g} s")
     times, signals = sample_times(loop, duration), loop.signal_layout
     robot = robot or _as_it_is(loop)
-    noise = normal_samples(robot.generator(0), len(times), loop.signals["x"]) if loop.plant.noise else None
+    noise = normal_samples(robot.generator(0), len(times), loop.plant.samples) if loop.plant.samples else None
     blocks, done, failure = [], 0, None
     with np.errstate(all="ignore"):  # what is not finite is looked for below
         for chunk in stepper(backend)(loop, robot, times, noise):
@@ -58,6 +55,7 @@ def simulate(
                 break
     rows = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
     logged = {signal: rows[:done, place] for signal, place in signals.places.items()}
+    numbers = Layout(loop.values).unpack(robot.values[:, 0])
     return Run(
         controller=name,
         model=loop.model,
@@ -68,16 +66,18 @@ def simulate(
         error=logged["e"],
         estimate=logged["theta_hat"],
         reference=logged["reference"],
+        parameters=numbers["p"].copy(),
+        known=numbers["c"].copy(),
         failure=failure,
     )
 
 
 @functools.lru_cache(maxsize=32)
-def _as_it_is(loop: ClosedLoop) -> Variation:
-    return nominal([loop])
+def _as_it_is(loop: ClosedLoop) -> Ensemble:
+    return Ensemble.of([loop])
 
 
-def _failure(block: Rows, times: Rows, signals: Layout) -> Failure | None:
+def _failure(block: Floats, times: Floats, signals: Layout) -> Failure | None:
     """The first sample of a block that is singular or not finite."""
     regularity = block[:, signals.places["regularity"]][:, 0]
     if np.isfinite(block.sum()) and regularity.min() > 0.0:  # the usual case, looked at quickly

@@ -5,51 +5,43 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from types import SimpleNamespace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wmr_afl.errors import UnknownNameError
-from wmr_afl.model.model import Language
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.parts import by_part
 from wmr_afl.simulation.closed_loop import ClosedLoop, trace
-from wmr_afl.simulation.ensemble import Variation
+from wmr_afl.simulation.ensemble import Ensemble
 from wmr_afl.simulation.kernels.block import Watched
 from wmr_afl.simulation.kernels.kernel import KERNELS, Kernel
 from wmr_afl.simulation.layout import Layout
 
 CHUNK = 1000  # samples that CasADi runs between two looks at the result
-
-
 COMPILED_CHUNK = 100_000  # and that machine code runs
-
-
 WORTH_BUILDING = 500_000  # samples from which a run takes longer than a C compiler
-
-
-Rows = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Chunk:
     """Samples in a row."""
 
-    rows: Rows  # (samples, signals)
+    rows: Floats  # (samples, signals)
     is_sound: bool  # every signal is known to be finite and every Dhat regular
 
 
-Stepper = Callable[[ClosedLoop, Variation, Rows, Rows | None], Iterator[Chunk]]
+Stepper = Callable[[ClosedLoop, Ensemble, Floats, Floats | None], Iterator[Chunk]]
 
 
-def _numpy_steps(loop: ClosedLoop, robot: Variation, times: Rows, noise: Rows | None) -> Iterator[Chunk]:
+def _numpy_steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats | None) -> Iterator[Chunk]:
     """One row of signals a step."""
-    language = Language.of(loop.model, "numpy")
-    z = SimpleNamespace(**Layout(loop.states).unpack(robot.states[:, 0]))
-    k = SimpleNamespace(**Layout(loop.values).unpack(robot.values[:, 0]))
-    samples = np.zeros((len(times), loop.signals["x"])) if noise is None else noise
+    model = loop.model.in_library("numpy")
+    z = by_part(Layout(loop.states).unpack(robot.states[:, 0]))
+    k = by_part(Layout(loop.values).unpack(robot.values[:, 0]))
+    samples = np.zeros((len(times), 0)) if noise is None else noise
     for t, sample in zip(times, samples, strict=True):
-        following, now = loop.step(t, z, k, sample, language)
-        z = SimpleNamespace(**following)
+        following, now = loop.step(t, z, k, sample, model)
+        z = by_part(following)
         yield Chunk(loop.signal_layout.pack(now)[None, :], False)
 
 
@@ -60,7 +52,7 @@ def _steps_of(backend: str, chunk: int) -> Stepper:
     def kernel_of(loop: ClosedLoop) -> Kernel:
         return KERNELS[backend](trace(loop), Watched(loop.signal_layout.places["regularity"].start), 1, True)
 
-    def steps(loop: ClosedLoop, robot: Variation, times: Rows, noise: Rows | None) -> Iterator[Chunk]:
+    def steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats | None) -> Iterator[Chunk]:
         kernel = kernel_of(loop)
         block, held = kernel.start(robot.states), kernel.prepare(robot.values)
         for start in range(0, len(times), chunk):
@@ -78,7 +70,7 @@ _casadi_steps = _steps_of("casadi", CHUNK)
 _compiled_if_possible_steps = _steps_of("auto", COMPILED_CHUNK)
 
 
-def _fastest_steps(loop: ClosedLoop, robot: Variation, times: Rows, noise: Rows | None) -> Iterator[Chunk]:
+def _fastest_steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats | None) -> Iterator[Chunk]:
     """Machine code where a long run pays for its building, else CasADi's virtual machine."""
     return (_compiled_if_possible_steps if len(times) >= WORTH_BUILDING else _casadi_steps)(loop, robot, times, noise)
 

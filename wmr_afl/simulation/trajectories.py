@@ -9,13 +9,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wmr_afl.errors import WmrError
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.closed_loop import ClosedLoop
-
-Numbers = NDArray[np.float64]
-
 
 DATASETS = {"x": "state", "u": "input", "e": "error", "theta_hat": "estimate"}  # signal of the loop -> name in the file
 
@@ -24,7 +21,7 @@ SAMPLES = 1000  # of one run in one chunk of the file
 
 
 @contextmanager
-def recording(path: Path, loop: ClosedLoop, times: Numbers, count: int) -> Iterator[Callable[..., None]]:
+def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterator[Callable[..., None]]:
     """Gives a function (robots, samples, rows) that writes signals; the file stands under its name once all is written.
 
     Datasets: time (T,), state (N, T, 2n-m), input (N, T, n_u), error (N, T, n-m), estimate (N, T, n_theta); their
@@ -47,7 +44,7 @@ def recording(path: Path, loop: ClosedLoop, times: Numbers, count: int) -> Itera
     unfinished = path.with_name(f"{path.name}.part")
     file = None
     try:
-        with _told(path):
+        with _one_line(path):
             file = h5py.File(unfinished, "w")
             file.attrs["model"] = model.name
             file.create_dataset("time", data=times)
@@ -57,28 +54,28 @@ def recording(path: Path, loop: ClosedLoop, times: Numbers, count: int) -> Itera
                 made = file.create_dataset(dataset, (count, len(times), size), "f8", chunks=chunk if size else None)
                 made.attrs["names"] = names[dataset]
 
-        def record(robots: slice, samples: slice, rows: Numbers) -> None:
-            with _told(path):
+        def record(robots: slice, samples: slice, rows: Floats) -> None:
+            with _one_line(path):
                 for signal, dataset in DATASETS.items():
                     file[dataset][robots, samples] = np.moveaxis(rows[:, places[signal]], 2, 0)
 
         yield record
-        with _told(path):
+        with _one_line(path):
             file.close()
             os.replace(unfinished, path)
     finally:
         if file is not None:
-            with suppress(OSError, RuntimeError):  # of a disk that is full, which was told
+            with suppress(OSError, RuntimeError):  # of a disk that is full, which was reported
                 file.close()
         unfinished.unlink(missing_ok=True)
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _one_line(path: Path) -> Iterator[None]:
     """A disk that fails, in one line; HDF5 tells of some failures as RuntimeError and says much else besides."""
     try:
         yield
     except (OSError, RuntimeError) as error:
         cause = re.search(r"error message = '([^']*)'", str(error))
-        told = cause[1] if cause else getattr(error, "strerror", None) or str(error).splitlines()[0]
-        raise WmrError(f"{path}: cannot be written ({told})", "name a writable place with room") from None
+        why = cause[1] if cause else getattr(error, "strerror", None) or str(error).splitlines()[0]
+        raise WmrError(f"{path}: cannot be written ({why})", "name a writable place with room") from None

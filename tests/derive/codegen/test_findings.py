@@ -11,7 +11,7 @@ from derive.codegen.write import generate_one, write
 from derive.derivation import Derivation, derive_robot
 from tests.conftest import DESCRIPTIONS
 from wmr_afl import MissingTermError, load_model
-from wmr_afl.controllers import OuterLoop, TrackingController
+from wmr_afl.controllers import Knowledge
 from wmr_afl.model.laws import LAWS, Situation
 from wmr_input import InputError
 
@@ -114,7 +114,7 @@ def test_a_model_without_a_controller_obeys_its_laws_and_controls_nothing(tmp_pa
     model = situation.numpy
     p = model.parameters()
     with pytest.raises(MissingTermError, match="no outputs to track"):
-        TrackingController(model, model.known(p), model.base_parameters(p), OuterLoop(2, 2.0, 1.0))
+        Knowledge(model, model.known(p), model.base_parameters(p))
 
 
 def test_a_holonomic_constraint_is_named(tmp_path: Path) -> None:

@@ -25,14 +25,15 @@ STUDY = (EXPERIMENTS / "study_1.toml").read_text()
 
 
 @cache
-def short_run(experiment: str) -> tuple[Run, np.ndarray]:
-    """0.2 s of an experiment's first controller, 11 samples, and the plant's parameters."""
+def short_run(experiment: str) -> Run:
+    """0.2 s of an experiment's first controller, 11 samples."""
     name, loop = next(iter(assemble(*read_experiment(experiment)).items()))
-    return simulate(replace(loop, sample_time=0.02), 0.2, name, "numpy"), loop.plant.parameters
+    return simulate(replace(loop, sample_time=0.02), 0.2, name, "numpy")
 
 
 def beginning(run: Run, samples: int) -> Run:
-    cut = {f.name: getattr(run, f.name)[:samples] for f in fields(run) if isinstance(getattr(run, f.name), np.ndarray)}
+    arrays = {f.name: getattr(run, f.name) for f in fields(run) if isinstance(getattr(run, f.name), np.ndarray)}
+    cut = {name: array[:samples] for name, array in arrays.items() if len(array) == len(run.time)}
     return replace(run, **cut)
 
 
@@ -90,9 +91,9 @@ def test_drawn_parts_stay_rigid_and_wheels_have_their_true_size(situation: Situa
 
 
 def test_a_run_becomes_pictures_that_move(robot: str, tmp_path: Path) -> None:
-    run, parameters = short_run(f"track_{robot}")
+    run = short_run(f"track_{robot}")
     told: list[tuple[int, int]] = []
-    file = animate(run, parameters, tmp_path / "run.gif", 10, progress=lambda done, total: told.append((done, total)))
+    file = animate(run, tmp_path / "run.gif", 10, progress=lambda done, total: told.append((done, total)))
     assert told == [(1, 3), (2, 3), (3, 3)]
     with Image.open(file) as animation:
         assert animation.n_frames == 3
@@ -105,8 +106,8 @@ def test_a_run_becomes_pictures_that_move(robot: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("experiment", list_experiments())
 def test_the_close_up_holds_the_whole_robot(experiment: str) -> None:
-    run, parameters = short_run(experiment)
-    scene = Scene(run, parameters, np.array([0, 5, 10]))
+    run = short_run(experiment)
+    scene = Scene(run, np.array([0, 5, 10]))
     for picture, points in enumerate(scene.shapes.points):
         scene.show(picture)
         assert f"t = {0.1 * picture:.1f} s" in scene.figure.get_suptitle()
@@ -116,21 +117,21 @@ def test_the_close_up_holds_the_whole_robot(experiment: str) -> None:
 
 
 def test_the_same_run_gives_the_same_bytes(tmp_path: Path) -> None:
-    one, other = (animate(*short_run("study_1"), tmp_path / name, 10) for name in ("one.gif", "other.gif"))
+    one, other = (animate(short_run("study_1"), tmp_path / name, 10) for name in ("one.gif", "other.gif"))
     assert one.read_bytes() == other.read_bytes()
 
 
 def test_a_robot_that_ran_away_or_has_no_point_as_output_is_drawn(tmp_path: Path) -> None:
-    run, parameters = short_run("track_mecanum")
+    run = short_run("track_mecanum")
     state, error = run.state.copy(), run.error.copy()
     state[6:, 0] = error[6:, 0] = 1e200
     wild = replace(run, state=state, error=error, failure=Failure(0.22, "the input is not finite"))
-    assert animate(wild, parameters, tmp_path / "wild.gif", 10).stat().st_size > 1000
-    scene = Scene(wild, parameters, np.array([0, 10]))
+    assert animate(wild, tmp_path / "wild.gif", 10).stat().st_size > 1000
+    scene = Scene(wild, np.array([0, 10]))
     assert np.ptp(scene.figure.axes[0].get_xlim()) < 20.0
     model = Situation("mecanum").numpy
     model.output_units = {"phi": "rad", "y": "m", "x": "m"}
-    assert animate(replace(run, model=model), parameters, tmp_path / "angle.gif", 10).stat().st_size > 1000
+    assert animate(replace(run, model=model), tmp_path / "angle.gif", 10).stat().st_size > 1000
 
 
 @pytest.mark.parametrize(
@@ -151,7 +152,7 @@ def test_what_cannot_be_animated_is_told(
     (tmp_path / "folder.gif").mkdir()
     (tmp_path / "file").write_text("")
     with pytest.raises(WmrError) as told:
-        animate(*short_run("study_1"), tmp_path / name, rate, speed)
+        animate(short_run("study_1"), tmp_path / name, rate, speed)
     assert all(word in str(told.value) for word in words)
     assert "\n" not in str(told.value)
 
@@ -159,15 +160,15 @@ def test_what_cannot_be_animated_is_told(
 def test_an_mp4_takes_ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FFMpegWriter, "isAvailable", lambda: False)
     with pytest.raises(WmrError, match=r"ffmpeg, which is not installed; install it or name a \.gif"):
-        animate(*short_run("study_1"), tmp_path / "run.mp4")
+        animate(short_run("study_1"), tmp_path / "run.mp4")
 
 
 @pytest.mark.parametrize("samples", [0, 1])
 def test_a_run_of_less_than_two_samples_is_told(samples: int, tmp_path: Path) -> None:
-    run, parameters = short_run("study_1")
+    run = short_run("study_1")
     with pytest.raises(WmrError, match="too short for an animation"):
-        animate(beginning(run, samples), parameters, tmp_path / "run.gif")
-    assert animate(beginning(run, 2), parameters, tmp_path / "run.gif").is_file()
+        animate(beginning(run, samples), tmp_path / "run.gif")
+    assert animate(beginning(run, 2), tmp_path / "run.gif").is_file()
 
 
 def test_a_damaged_geometry_is_told() -> None:

@@ -9,19 +9,21 @@ import pytest
 from wmr_afl.analysis.stability import error_system
 from wmr_afl.controllers import (
     GradientAdaptation,
+    Knowledge,
     Leakage,
     LinearizingLaw,
     Normalization,
     OuterLoop,
     Projection,
-    TrackingController,
+    TrackingLaw,
 )
 from wmr_afl.controllers.tracking_law import Action
 from wmr_afl.errors import ShapeError, WmrError
 from wmr_afl.model.laws import Situation
-from wmr_afl.model.model import Language, load_model
+from wmr_afl.model.model import load_model
 from wmr_afl.numerics.arrays import CASADI, NUMPY
 from wmr_afl.numerics.linear_algebra import determinant, least_norm, regularity, solve
+from wmr_afl.numerics.parts import Parts, by_part
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4])
@@ -90,10 +92,16 @@ def test_an_adaptation_gain_that_is_not_positive_definite_is_refused(gain) -> No
         GradientAdaptation(2, gain)
 
 
+def change(adaptation: GradientAdaptation, regressor, error, theta_hat) -> np.ndarray:
+    """theta_hat' of (25)."""
+    k = by_part(Parts(adaptation.parts).values)
+    return adaptation.update(regressor, error, theta_hat, k, NUMPY, 1.0) - theta_hat
+
+
 def test_a_diagonal_gain_means_the_diagonal_matrix() -> None:
     regressor, error = np.array([[1.0, 2.0, 3.0], [0.5, 0.0, -1.0]]), np.array([0.3, -0.2])
     diagonal, matrix = GradientAdaptation(3, [1.0, 2.0, 3.0]), GradientAdaptation(3, np.diag([1.0, 2.0, 3.0]))
-    rates = [one.change(regressor, error, np.ones(3), SimpleNamespace(**one.values), 1.0) for one in (diagonal, matrix)]
+    rates = [change(one, regressor, error, np.ones(3)) for one in (diagonal, matrix)]
     np.testing.assert_allclose(rates[0], np.array([1.0, 2.0, 3.0]) * (regressor.T @ error))
     np.testing.assert_allclose(rates[1], rates[0])
 
@@ -126,24 +134,23 @@ def test_projection_moves_only_what_is_outside() -> None:
 def test_the_estimate_must_fit_the_model(situation: Situation) -> None:
     model = situation.numpy
     with pytest.raises(ShapeError, match="estimate"):
-        TrackingController(model, model.known(model.parameters()), [1.0], OuterLoop(len(model.output_units), 2.0, 1.0))
+        Knowledge(model, model.known(model.parameters()), [1.0])
 
 
 def test_normalized_adaptation_is_the_gradient_over_one_plus_the_regressors_square() -> None:
     """Remark 5, and with it the rate stays bounded however large the regressor."""
     regressor, error = np.array([[1.0, 2.0, 3.0], [0.5, 0.0, -1.0]]), np.array([0.3, -0.2])
-    one = GradientAdaptation(3, 2.0, normalization=Normalization(0.7))
-    k = SimpleNamespace(**one.values)
+    one = GradientAdaptation(3, 2.0, [Normalization(0.7)])
     expected = 2.0 * regressor.T @ error / (1.0 + 0.7 * np.sum(regressor**2))
-    np.testing.assert_allclose(one.change(regressor, error, np.ones(3), k, 1.0), expected, rtol=1e-14)
-    sizes = [np.linalg.norm(one.change(10.0**n * regressor, error, np.ones(3), k, 1.0)) for n in range(12)]
+    np.testing.assert_allclose(change(one, regressor, error, np.zeros(3)), expected, rtol=1e-14)
+    sizes = [np.linalg.norm(change(one, 10.0**n * regressor, error, np.zeros(3))) for n in range(12)]
     assert max(sizes) < 1.0
 
 
 def test_leakage_pulls_each_estimate_by_its_own_rate() -> None:
     """(51) with a diagonal Sigma."""
-    one = GradientAdaptation(2, [2.0, 3.0], Leakage(2, [0.1, 0.2]))
-    rate = one.change(np.zeros((2, 2)), np.zeros(2), np.array([5.0, -7.0]), SimpleNamespace(**one.values), 1.0)
+    one = GradientAdaptation(2, [2.0, 3.0], [Leakage(2, [0.1, 0.2])])
+    rate = change(one, np.zeros((2, 2)), np.zeros(2), np.array([5.0, -7.0]))
     np.testing.assert_allclose(rate, [-2.0 * 0.1 * 5.0, 3.0 * 0.2 * 7.0], rtol=1e-14)
 
 
@@ -153,13 +160,12 @@ def test_adaptation_sees_the_commanded_or_the_applied_input(sees_applied: bool) 
     model = load_model("type_2_0")
     p = model.parameters()
     adaptation = GradientAdaptation(6, 1.0, sees_applied=sees_applied)
-    law = TrackingController(
-        model, model.known(p), model.base_parameters(p), OuterLoop(2, 2.0, 1.0), None, adaptation
-    )  # fmt: skip
-    z, k, language = SimpleNamespace(**law.states), SimpleNamespace(**law.values), Language.of(model, "numpy")
+    knowledge = Knowledge(model, model.known(p), model.base_parameters(p))
+    law = TrackingLaw(knowledge, OuterLoop(2, 2.0, 1.0), adaptation=adaptation)
+    z, k = by_part(law.states), by_part(law.values)
     x = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
     action = Action(np.array([9.0, -4.0]), np.array([0.3, -0.2]), np.array(1.0))
     applied = np.array([2.0, -1.0])
-    found = law.update(x, action, applied, z, k, 0.1, language)["theta_hat"]
-    regressor = model.regressor(x, applied if sees_applied else action.input, law.known)
-    np.testing.assert_allclose(found, law.estimate + 0.1 * regressor.T @ action.filtered_error, rtol=1e-12)
+    found = law.update(x, action, applied, z, k, model, 0.1)["theta_hat"]
+    regressor = model.regressor(x, applied if sees_applied else action.input, knowledge.known)
+    np.testing.assert_allclose(found, knowledge.estimate + 0.1 * regressor.T @ action.filtered_error, rtol=1e-12)

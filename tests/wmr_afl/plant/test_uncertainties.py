@@ -1,7 +1,8 @@
-"""Each uncertainty alone does what its equation says, in both languages, for every robot."""
+"""Each uncertainty alone does what its equation says, in both libraries, for every robot."""
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import get_args, get_type_hints
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from wmr_afl import InputError
 from wmr_afl.experiments.assembly import assemble
 from wmr_afl.experiments.experiment import read_experiment
 from wmr_afl.model.laws import Situation
-from wmr_afl.model.model import Language
-from wmr_afl.plant import Disturbance, Friction, InputDelay, LateralSlip, PayloadChange, Plant
+from wmr_afl.numerics.arrays import NUMPY
+from wmr_afl.numerics.parts import by_part
+from wmr_afl.plant import Disturbance, Friction, InputDelay, LateralSlip, PayloadChange, Plant, Uncertainty
+from wmr_afl.plant.uncertainties import UncertaintiesTable
 from wmr_afl.simulation.simulate import simulate
 
 ALONE = {
@@ -39,7 +42,7 @@ def experiment(tmp_path: Path, uncertainties: str, duration: float = 3.0) -> Pat
 
 
 @pytest.mark.parametrize("uncertainty", ALONE)
-def test_each_alone_changes_the_run_and_both_languages_agree(uncertainty: str, tmp_path: Path) -> None:
+def test_each_alone_changes_the_run_and_both_libraries_agree(uncertainty: str, tmp_path: Path) -> None:
     loop = assemble(*read_experiment(experiment(tmp_path, ALONE[uncertainty])))["AFL"]
     first, second = (simulate(loop, 3.0, backend=backend) for backend in ("numpy", "casadi"))
     undisturbed = simulate(assemble(*read_experiment(experiment(tmp_path, "")))["AFL"], 3.0)
@@ -49,14 +52,13 @@ def test_each_alone_changes_the_run_and_both_languages_agree(uncertainty: str, t
     assert np.max(np.abs(first.state - undisturbed.state)) > 1e-4
 
 
-def derivative(robot: str, **effects: object) -> tuple[np.ndarray, np.ndarray, Situation]:
-    """x' of the plant with and without effects, by a step so small that Euler's rule shows it."""
+def derivative(robot: str, uncertainty: Uncertainty) -> tuple[np.ndarray, np.ndarray, Situation]:
+    """x' of the plant with and without an uncertainty, by a step so small that Euler's rule shows it."""
     s, step = Situation(robot, count=1), 1e-6
     changes = []
-    for chosen in (effects, {}):
-        plant = Plant(s.numpy, s.p[0], s.x[0], **chosen)
-        z, k = SimpleNamespace(**plant.states), SimpleNamespace(**plant.values)
-        following = plant.update(1.0, s.u[0], s.u[0], z, k, step, Language.of(s.numpy, "numpy"))
+    for chosen in ([uncertainty], []):
+        plant = Plant(s.numpy, s.p[0], s.x[0], uncertainties=chosen)
+        following = plant.update(1.0, s.u[0], by_part(plant.states), by_part(plant.values), s.numpy, step)
         changes.append((following["x"] - s.x[0]) / step)
     return changes[0], changes[1], s
 
@@ -65,7 +67,7 @@ def test_friction_takes_power_and_a_load_acts_through_the_inertia(robot: str) ->
     """Mbar dv' = -w: what a load changes of v' is the inertia's answer; friction's work is not positive."""
     for place in ("pseudo_velocities", "wheels"):
         friction = Friction(Situation(robot, count=1).numpy, 0.3, 0.2, place)
-        disturbed, free, s = derivative(robot, loads=[friction])
+        disturbed, free, s = derivative(robot, friction)
         n = s.numpy.coordinate_count
         force = s.numpy.inertia_matrix(s.q[0], s.p[0]) @ (disturbed - free)[n:]
         rates = s.v[0] if place == "pseudo_velocities" else s.numpy.actuator_rates_matrix(s.q[0], s.p[0]) @ s.v[0]
@@ -77,7 +79,7 @@ def test_friction_takes_power_and_a_load_acts_through_the_inertia(robot: str) ->
 def test_a_disturbance_on_the_wheels_is_a_torque_of_the_motors(robot: str) -> None:
     """tau_d on every shaft acts as -tau_d of motor torque: Mbar dv' = -X^T tau_d."""
     model = Situation(robot, count=1).numpy
-    disturbed, free, s = derivative(robot, loads=[Disturbance(model, "2*t", "wheels")])
+    disturbed, free, s = derivative(robot, Disturbance(model, "2*t", "wheels"))
     n = model.coordinate_count
     force = s.numpy.inertia_matrix(s.q[0], s.p[0]) @ (disturbed - free)[n:]
     torque = np.full(len(model.input_units), 2.0)
@@ -86,7 +88,7 @@ def test_a_disturbance_on_the_wheels_is_a_torque_of_the_motors(robot: str) -> No
 
 
 def test_slip_moves_the_root_across_its_heading(robot: str) -> None:
-    slipping, free, s = derivative(robot, slip=LateralSlip(Situation(robot, count=1).numpy, "0.3"))
+    slipping, free, s = derivative(robot, LateralSlip(Situation(robot, count=1).numpy, "0.3"))
     phi = s.q[0][2]
     expected = np.zeros(len(slipping))
     expected[:2] = 0.3 * np.array([-np.sin(phi), np.cos(phi)])
@@ -96,19 +98,43 @@ def test_slip_moves_the_root_across_its_heading(robot: str) -> None:
 def test_a_payload_counts_from_its_time_on() -> None:
     model = wmr_afl.load_model("type_2_0")
     p, heavy = model.parameters(), model.parameters(m_C=72.0)
-    plant = Plant(model, p, np.zeros(5), payload=PayloadChange(model, 1.0, heavy))
-    k, language = SimpleNamespace(**plant.values), Language.of(model, "numpy")
-    np.testing.assert_array_equal(plant.parameters_at(0.999, k, language), p)
-    np.testing.assert_array_equal(plant.parameters_at(1.0, k, language), heavy)
+    plant = Plant(model, p, np.zeros(5), uncertainties=[PayloadChange(model, 1.0, heavy)])
+    k = by_part(plant.values)
+    np.testing.assert_array_equal(plant.parameters_at(0.999, k, NUMPY), p)
+    np.testing.assert_array_equal(plant.parameters_at(1.0, k, NUMPY), heavy)
 
 
 def test_a_delay_hands_on_every_command_so_many_samples_later() -> None:
-    delay, arrays = InputDelay(2, 3), Language.of(wmr_afl.load_model("type_2_0"), "numpy").arrays
+    delay, nothing = InputDelay(2, 3), SimpleNamespace()
     z, arrived = SimpleNamespace(**delay.states), []
     for i in range(6):
-        arrived.append(delay.arriving(z))
-        z = SimpleNamespace(**delay.update(np.array([i + 1.0, -i - 1.0]), z, arrays))
+        u = np.array([i + 1.0, -i - 1.0])
+        arrived.append(delay.applied(u, z, nothing, NUMPY))
+        z = SimpleNamespace(**delay.update(u, z, nothing, NUMPY))
     np.testing.assert_array_equal(np.array(arrived)[:, 0], [0, 0, 0, 1, 2, 3])
+
+
+def test_two_of_a_kind_add_up(robot: str) -> None:
+    """Each keeps its own numbers under its own name."""
+    s = Situation(robot, count=1)
+    model, x, p = s.numpy, s.x[0], s.p[0]
+
+    def load(*frictions: Friction) -> np.ndarray:
+        plant = Plant(model, p, x, uncertainties=frictions)
+        return plant.load(0.0, x, p, by_part(plant.values), model)
+
+    one, other = Friction(model, viscous=1.0, on="pseudo_velocities"), Friction(model, viscous=5.0, on="wheels")
+    assert np.any(load(other) != 0.0)
+    np.testing.assert_allclose(load(one, other), load(one) + load(other), rtol=1e-14)
+    names = list(Plant(model, p, x, uncertainties=[one, other]).values)
+    assert names == ["p", "friction.viscous", "friction.coulomb", "friction_2.viscous", "friction_2.coulomb"]
+
+
+def test_every_table_builds_the_uncertainty_of_its_key() -> None:
+    """So that rules, states and numbers meet under one name."""
+    tables = {name: field.annotation for name, field in UncertaintiesTable.model_fields.items()}
+    built = {name: get_type_hints(get_args(table)[0].build)["return"] for name, table in tables.items()}
+    assert {name: uncertainty.name for name, uncertainty in built.items()} == {name: name for name in tables}
 
 
 def test_inputs_and_commands_are_both_logged(tmp_path: Path) -> None:

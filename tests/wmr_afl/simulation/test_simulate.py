@@ -1,4 +1,4 @@
-"""Closed loops: both languages agree, integrators converge, failures are told and keep what came before."""
+"""Closed loops: both libraries agree, integrators converge, failures are told and keep what came before."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -10,11 +10,12 @@ from wmr_afl import SimulationError, SimulationWarning, UnknownNameError, WmrErr
 from wmr_afl.analysis import plots
 from wmr_afl.analysis.files import write_results
 from wmr_afl.analysis.stability import error_system, lyapunov_function
-from wmr_afl.controllers import GradientAdaptation, OuterLoop, Projection, TrackingController
+from wmr_afl.controllers import GradientAdaptation, Knowledge, OuterLoop, Projection, TrackingLaw
 from wmr_afl.controllers.reference import Reference, figure_eight
 from wmr_afl.experiments.assembly import assemble
 from wmr_afl.experiments.experiment import read_experiment
 from wmr_afl.model.model import load_model
+from wmr_afl.numerics.parts import by_part
 from wmr_afl.plant import InputLimits, MeasurementNoise, Plant
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.simulate import simulate
@@ -29,9 +30,9 @@ def eight(**plant: object) -> ClosedLoop:
     """The exact law on a figure eight."""
     model = load_model("type_2_0")
     p = model.parameters()
-    controller = TrackingController(model, model.known(p), model.base_parameters(p), OuterLoop(2, 4.0, 4.0))
+    law = TrackingLaw(Knowledge(model, model.known(p), model.base_parameters(p)), OuterLoop(2, 4.0, 4.0))
     reference = Reference(dict(zip(model.output_units, figure_eight([0.0, 0.0], 2.0, 0.2), strict=True)))
-    return ClosedLoop(model, Plant(model, p, [0.1, 0.0, 0.5, 0.0, 0.0], **plant), controller, reference, 0.01)
+    return ClosedLoop(model, Plant(model, p, [0.1, 0.0, 0.5, 0.0, 0.0], **plant), law, reference, 0.01)
 
 
 @pytest.mark.parametrize(
@@ -39,8 +40,8 @@ def eight(**plant: object) -> ClosedLoop:
     [
         {},
         {"integrator": "rk4"},
-        {"limits": InputLimits(2, 3.0)},
-        {"noise": MeasurementNoise(5, 0.001, seed=3)},
+        {"uncertainties": [InputLimits(2, 3.0)]},
+        {"uncertainties": [MeasurementNoise(5, 0.001, seed=3)]},
     ],
     ids=["euler", "rk4", "limits", "noise"],
 )
@@ -69,10 +70,8 @@ def test_with_known_parameters_on_the_reference_adaptive_and_exact_control_coinc
     heading = np.arctan2(reference.velocity[1], reference.velocity[0])
     start = np.array([-c[0] * np.cos(heading), -c[0] * np.sin(heading), heading, np.hypot(*reference.velocity), 0.0])
     exact = replace(loop, plant=Plant(loop.model, loop.plant.parameters, start, "rk4"))
-    adaptive = TrackingController(
-        loop.model, c, loop.controller.estimate, loop.controller.outer_loop, adaptation=GradientAdaptation(6, 10.0)
-    )
-    runs = [simulate(one, 5.0) for one in (exact, replace(exact, controller=adaptive))]
+    adaptive = TrackingLaw(loop.law.knowledge, loop.law.outer_loop, adaptation=GradientAdaptation(6, 10.0))
+    runs = [simulate(one, 5.0) for one in (exact, replace(exact, law=adaptive))]
     np.testing.assert_allclose(runs[1].state, runs[0].state, atol=1e-3)  # of the order of the sample time
     np.testing.assert_allclose(runs[1].estimate, runs[0].estimate, atol=1e-3)
 
@@ -81,14 +80,11 @@ def test_with_known_parameters_on_the_reference_adaptive_and_exact_control_coinc
 def test_integrators_converge_with_their_order(integrator: str, order: int) -> None:
     model = load_model("type_2_0")
     plant = Plant(model, model.parameters(), [0.0, 0.0, 0.3, 0.5, -0.4], integrator)
-    from types import SimpleNamespace
-
-    from wmr_afl.model.model import Language
 
     def end(steps: int) -> np.ndarray:
-        z, k, u = SimpleNamespace(x=plant.start), SimpleNamespace(**plant.values), np.array([1.0, -2.0])
+        z, k, u = by_part(plant.states), by_part(plant.values), np.array([1.0, -2.0])
         for i in range(steps):
-            z = SimpleNamespace(**plant.update(i / steps, u, u, z, k, 1.0 / steps, Language.of(model, "numpy")))
+            z = by_part(plant.update(i / steps, u, z, k, model, 1.0 / steps))
         return z.x
 
     exact = end(2048)
@@ -97,13 +93,13 @@ def test_integrators_converge_with_their_order(integrator: str, order: int) -> N
 
 
 def test_inputs_never_exceed_their_limits() -> None:
-    run = simulate(eight(limits=InputLimits(2, [1.0, 0.5])), 5.0)
+    run = simulate(eight(uncertainties=[InputLimits(2, [1.0, 0.5])]), 5.0)
     assert np.all(np.abs(run.input) <= [1.0, 0.5])
     assert np.any(np.abs(run.input) == [1.0, 0.5])
 
 
 def test_the_same_seed_gives_the_same_bytes() -> None:
-    runs = [simulate(eight(noise=MeasurementNoise(5, 0.01, seed=seed)), 2.0) for seed in (5, 5, 6)]
+    runs = [simulate(eight(uncertainties=[MeasurementNoise(5, 0.01, seed=seed)]), 2.0) for seed in (5, 5, 6)]
     assert runs[0].state.tobytes() == runs[1].state.tobytes()
     assert runs[0].state.tobytes() != runs[2].state.tobytes()
 
@@ -112,25 +108,19 @@ def test_the_lyapunov_function_does_not_increase_in_continuous_time(study_1: dic
     """(43)-(46), on every small step."""
     loop = study_1["AFL"]
     plant = Plant(loop.model, loop.plant.parameters, loop.plant.start, "rk4")
-    free = TrackingController(
-        loop.model,
-        loop.controller.known,
-        loop.controller.estimate,
-        loop.controller.outer_loop,
-        adaptation=loop.controller.adaptation,
-        projection=Projection(6),
+    free = TrackingLaw(
+        loop.law.knowledge, loop.law.outer_loop, adaptation=GradientAdaptation(6, loop.values["adaptation.Gamma"])
     )
-    run = simulate(replace(loop, plant=plant, controller=free, sample_time=2e-5), 1.0)
+    run = simulate(replace(loop, plant=plant, law=free, sample_time=2e-5), 1.0)
     assert run.failure is None
-    assert loop.controller.adaptation is not None
-    rates = loop.model.output_rate(run.state, np.tile(free.known, (len(run.time), 1)))
+    rates = loop.model.output_rate(run.state, np.tile(free.knowledge.known, (len(run.time), 1)))
     truth = loop.model.base_parameters(loop.plant.parameters)
     values = lyapunov_function(
         run.error,
         rates - loop.reference.over(run.time)[1],
         truth - run.estimate,
         error_system(free.outer_loop),
-        loop.controller.adaptation,
+        free.adaptation,
     )
     steps = np.diff(values)
     assert values[-1] < 0.9 * values[0]
@@ -139,14 +129,13 @@ def test_the_lyapunov_function_does_not_increase_in_continuous_time(study_1: dic
 
 def test_a_singular_decoupling_matrix_ends_the_run_with_time_and_cause(study_1: dict[str, ClosedLoop]) -> None:
     loop = study_1["AFL"]
-    controller = TrackingController(
-        loop.model, loop.controller.known, loop.controller.estimate, loop.controller.outer_loop,
-        adaptation=loop.controller.adaptation, projection=Projection(6, lower=[-np.inf] * 4 + [1e-14] * 2),
-    )  # fmt: skip
+    bounds = Projection(6, lower=[-np.inf] * 4 + [1e-14] * 2)
+    adaptation = GradientAdaptation(6, loop.values["adaptation.Gamma"], projection=bounds)
+    law = TrackingLaw(loop.law.knowledge, loop.law.outer_loop, adaptation=adaptation)
     runs = []
     for backend in ("numpy", "casadi"):
         with pytest.warns(SimulationWarning, match="singular"):
-            runs.append(simulate(replace(loop, controller=controller), 10.0, "AFL", backend))
+            runs.append(simulate(replace(loop, law=law), 10.0, "AFL", backend))
     for run in runs:
         assert run.failure is not None
         assert 0.1 < run.failure.time < 2.0

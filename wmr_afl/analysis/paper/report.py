@@ -17,7 +17,6 @@ from wmr_afl.analysis.paper.figures import FIGURES
 from wmr_afl.analysis.paper.robustness import Row
 from wmr_afl.analysis.plots import Runs
 from wmr_afl.errors import SimulationError, WmrError
-from wmr_afl.experiments.assembly import assemble
 from wmr_afl.experiments.experiment import read_experiment
 from wmr_afl.simulation.result import Run
 
@@ -39,14 +38,14 @@ def write_report(studies: Mapping[str, Runs], pictures: Mapping[str, Path], beyo
 
 
 def _study(name: str, runs: Runs, pictures: Mapping[str, Path]) -> dict[str, Any]:
-    told, path = read_experiment(name)
+    experiment, path = read_experiment(name)
     return {
         "name": name,
-        "title": told.title,
-        "source": told.source,
+        "title": experiment.title,
+        "source": experiment.source,
         "text": path.read_text(encoding="utf-8"),
         "verdicts": [claim.judge(runs) for claim in CLAIMS if claim.experiment == name],
-        "settled_since": f"{told.simulation.duration * 5.0 / 7.0:g}",
+        "settled_since": f"{experiment.simulation.duration * 5.0 / 7.0:g}",
         "metrics": [_metrics(run) for run in runs.values()],
         "figures": [
             {
@@ -57,7 +56,7 @@ def _study(name: str, runs: Runs, pictures: Mapping[str, Path]) -> dict[str, Any
             for figure, png in pictures.items()
             if FIGURES[figure].experiment == name
         ],
-        "excitation": _excitation(name, runs),
+        "excitation": _excitation(runs),
     }
 
 
@@ -78,13 +77,12 @@ def _metrics(run: Run) -> dict[str, str]:
     }
 
 
-def _excitation(name: str, runs: Runs) -> dict[str, Any] | None:
+def _excitation(runs: Runs) -> dict[str, Any] | None:
     """What the reference lets be known, from the first controller's run after its start; None where it failed."""
     run = next(iter(runs.values()))
-    loop = assemble(*read_experiment(name))[run.controller]
-    theta = np.asarray(run.model.base_parameters(loop.plant.parameters))
+    theta = np.asarray(run.model.base_parameters(run.parameters))
     try:
-        found = excitation(run, loop.controller.known, theta, window=40.0, since=20.0)
+        found = excitation(run, theta, window=40.0, since=20.0)
     except SimulationError:
         return None
     verdict = "excites persistently" if found.is_persistent else "does not excite persistently"

@@ -35,10 +35,10 @@ class Row:
 
 def beyond(study: str, seed: int = 0) -> Iterator[Row]:
     """The study again with a payload, with noise, with a delay, and with random robots."""
-    told, path = read_experiment(study)
-    heavy = _doubled_masses(told, path)
-    uncertainties = told.uncertainties
-    half = told.simulation.duration / 2.0
+    experiment, path = read_experiment(study)
+    heavy = _doubled_masses(experiment, path)
+    uncertainties = experiment.uncertainties
+    half = experiment.simulation.duration / 2.0
     troubles: dict[str, dict[str, Any]] = {
         "as it stands": {},
         f"every mass and inertia doubles at {half:g} s": {"payload": PayloadTable(time=half, parameters=heavy)},
@@ -48,29 +48,29 @@ def beyond(study: str, seed: int = 0) -> Iterator[Row]:
         "40 ms between command and motor": {"input_delay": InputDelayTable(seconds=0.04)},
     }
     for trouble, added in troubles.items():
-        changed = told.model_copy(update={"uncertainties": uncertainties.model_copy(update=added)})
+        changed = experiment.model_copy(update={"uncertainties": uncertainties.model_copy(update=added)})
         yield Row(trouble, dict(_one_by_one(changed, path)))
     yield Row(
         f"{RANDOM_ROBOTS} robots, every parameter within {SPREAD:.0%}: mean (worst) of the larger RMS",
-        dict(_random_robots(told, path, seed)),
+        dict(_random_robots(experiment, path, seed)),
     )
 
 
-def _doubled_masses(told: Experiment, path: Path) -> dict[str, float]:
-    model = _model(told, path)
-    p = dict(zip(model.parameter_units, model.parameters(**told.parameters).tolist(), strict=True))
+def _doubled_masses(experiment: Experiment, path: Path) -> dict[str, float]:
+    model = _model(experiment, path)
+    p = dict(zip(model.parameter_units, model.parameters(**experiment.parameters).tolist(), strict=True))
     masses = [name for name, unit in model.parameter_units.items() if unit in ("kg", "kg m^2")]
     return {name: 2.0 * p[name] for name in masses if name not in model.known_units}
 
 
-def _model(told: Experiment, path: Path) -> Model:
-    return next(iter(assemble(told, path).values())).model
+def _model(experiment: Experiment, path: Path) -> Model:
+    return next(iter(assemble(experiment, path).values())).model
 
 
-def _one_by_one(told: Experiment, path: Path) -> Iterator[tuple[str, str]]:
-    for name, loop in assemble(told, path).items():
-        run = simulate(loop, told.simulation.duration, name)
-        half = told.simulation.duration / 2.0
+def _one_by_one(experiment: Experiment, path: Path) -> Iterator[tuple[str, str]]:
+    for name, loop in assemble(experiment, path).items():
+        run = simulate(loop, experiment.simulation.duration, name)
+        half = experiment.simulation.duration / 2.0
         yield name, str(run.failure) if run.failure else f"{_metres(run.rms())} ({_metres(run.rms(since=half))}) m"
 
 
@@ -78,18 +78,18 @@ def _metres(values: np.ndarray) -> str:
     return ", ".join(f"{value:.3f}" for value in values)
 
 
-def _random_robots(told: Experiment, path: Path, seed: int) -> Iterator[tuple[str, str]]:
+def _random_robots(experiment: Experiment, path: Path, seed: int) -> Iterator[tuple[str, str]]:
     """Each robot has its own parameters; what the controller may know (look-ahead, wheelbase) it knows of each."""
     random = np.random.default_rng(seed)
-    model = _model(told, path)
-    base = dict(zip(model.parameter_units, model.parameters(**told.parameters).tolist(), strict=True))
+    model = _model(experiment, path)
+    base = dict(zip(model.parameter_units, model.parameters(**experiment.parameters).tolist(), strict=True))
     loops: dict[str, list[ClosedLoop]] = {}
     for _ in range(RANDOM_ROBOTS):
         drawn = {name: value * random.uniform(1.0 - SPREAD, 1.0 + SPREAD) for name, value in base.items()}
-        for name, loop in assemble(told.model_copy(update={"parameters": drawn}), path).items():
+        for name, loop in assemble(experiment.model_copy(update={"parameters": drawn}), path).items():
             loops.setdefault(name, []).append(loop)
     for name, many in loops.items():
-        worst = rms_of_many(many, told.simulation.duration).max(axis=1)
+        worst = rms_of_many(many, experiment.simulation.duration).max(axis=1)
         lost = int(np.isinf(worst).sum())
         kept = worst[np.isfinite(worst)]
         mean = f"{kept.mean():.3f} m ({kept.max():.3f} m)" if len(kept) else "-"

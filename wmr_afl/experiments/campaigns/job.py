@@ -17,11 +17,11 @@ from wmr_afl.experiments.assembly import assemble
 from wmr_afl.experiments.distributions import BLOCK, CampaignTable, draws, noise_seeds
 from wmr_afl.experiments.experiment import Experiment
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.experiments.vary import vary
+from wmr_afl.experiments.vary import Differences, gain_name, vary
 from wmr_afl.model.files import is_shipped
-from wmr_afl.simulation.batch import LANES, advance_all, kernel_of, watched_signals
+from wmr_afl.simulation.batch import LANES, BatchOptions, advance_all, kernel_of, watched_signals
 from wmr_afl.simulation.closed_loop import ClosedLoop, trace
-from wmr_afl.simulation.ensemble import Variation
+from wmr_afl.simulation.ensemble import Ensemble
 from wmr_afl.simulation.kernels.compiled import Kernel as CompiledKernel
 from wmr_afl.simulation.kernels.compiled import kernel_text
 from wmr_afl.simulation.kernels.kernel import KERNELS
@@ -35,7 +35,7 @@ Columns = dict[str, NDArray[Any]]  # results and draws of a block's runs, one ro
 class Job:
     """All that a worker needs to know; `fingerprint` tells by content what its numbers depend on."""
 
-    told: Experiment
+    experiment: Experiment
     table: CampaignTable
     controller: str
     model_files: Mapping[str, str]  # name -> text, where the model does not come with the package
@@ -51,7 +51,7 @@ def prepare(experiment: str | Path, controller: str | None = None, backend: str 
     if backend not in KERNELS:
         raise UnknownNameError("backend of a campaign", str(backend), KERNELS)
     loaded = load_experiment(experiment)
-    told, path, table = loaded.told, loaded.path, loaded.told.campaign
+    described, path, table = loaded.experiment, loaded.path, loaded.experiment.campaign
     if table is None:
         example = "[campaign.scale] with m_C = { uniform = [0.8, 1.2] }"
         raise InputError(str(path), "[campaign]", "is missing", f"say what each run draws, for example {example}")
@@ -59,49 +59,48 @@ def prepare(experiment: str | Path, controller: str | None = None, backend: str 
         name = loaded.name(controller or table.controller)
     loop = loaded.loops[name]
     with mistakes_at(path, "[campaign] since"):
-        if table.since > told.simulation.duration:
-            raise WmrError(f"is {table.since:g} s", f"a run ends at {told.simulation.duration:g} s")
+        if table.since > described.simulation.duration:
+            raise WmrError(f"is {table.since:g} s", f"a run ends at {described.simulation.duration:g} s")
     files = {}
     if not is_shipped(loop.model.folder):
         files = {file.name: file.read_text(encoding="utf-8") for file in sorted(loop.model.folder.glob("*model.*"))}
     if backend == "auto":  # one way for all blocks, whoever runs them
         backend = "compiled" if isinstance(kernel_of(loop, "auto", False), CompiledKernel) else "casadi"
-    job = Job(told, table, name, files, backend, _fingerprint(told, table, name, loop, backend))
+    job = Job(described, table, name, files, backend, _fingerprint(described, table, name, loop, backend))
     with mistakes_at(path, "[campaign]"):
-        variation_of(job, loop, 0, BLOCK)
+        ensemble_of(job, loop, 0, BLOCK)
     return job
 
 
 def run_block(job: Job, block: int, count: int, threads: int = 1) -> Columns:
     """The first `count` runs of a block: the same numbers wherever it is run."""
     loop = loop_of(job)
-    columns, variation = variation_of(job, loop, block, count)
-    result = advance_all(loop, variation, job.told.simulation.duration, job.table.since, threads, job.backend)
-    return {**columns, **asdict(result)}
+    columns, ensemble = ensemble_of(job, loop, block, count)
+    options = BatchOptions(job.experiment.simulation.duration, job.table.since, threads, job.backend)
+    return {**columns, **asdict(advance_all(loop, ensemble, options))}
 
 
-def variation_of(job: Job, loop: ClosedLoop, block: int, count: int) -> tuple[Columns, Variation]:
+def ensemble_of(job: Job, loop: ClosedLoop, block: int, count: int) -> tuple[Columns, Ensemble]:
     """What the runs of a block draw, and the robots that follow from it.
 
-    Raises: WmrError, where no robot can be like that.
+    Raises:
+        WmrError: if nothing is drawn, or no robot can have these numbers.
     """
     columns: Columns = dict(draws(job.table, block, count))
-    if loop.plant.noise is not None:
+    if loop.plant.samples:
         columns["noise_seed"] = noise_seeds(job.table, block, count)
+    if not columns:
+        raise WmrError("draws nothing, so that all runs are the same", "add parameters, start, gains or scale")
 
     def drawn(place: str) -> dict[str, NDArray[Any]]:
         return {key.partition(".")[2]: column for key, column in columns.items() if key.startswith(f"{place}.")}
 
     gains = {
-        name: np.multiply.outer(column, np.ones_like(loop.values[name])) if name in loop.values else column
+        name: np.multiply.outer(column, np.ones_like(loop.values[gain_name(name, loop)]))
         for name, column in drawn("gains").items()
     }
-    if not columns:
-        raise WmrError("draws nothing, so that all runs are the same", "add parameters, start, gains or scale")
-    seeds = columns.get("noise_seed")
-    return columns, vary(
-        job.told, loop, job.controller, drawn("parameters"), drawn("start"), gains, seeds, drawn("scale")
-    )
+    differences = Differences(drawn("parameters"), drawn("start"), gains, drawn("scale"), columns.get("noise_seed"))
+    return columns, vary(job.experiment, job.controller, loop, differences)
 
 
 def loop_of(job: Job) -> ClosedLoop:
@@ -112,7 +111,7 @@ def loop_of(job: Job) -> ClosedLoop:
     if job.fingerprint not in _ASSEMBLED:
         folder = tempfile.TemporaryDirectory()
         loop = _assemble(job, Path(folder.name))
-        if _fingerprint(job.told, job.table, job.controller, loop, job.backend) != job.fingerprint:
+        if _fingerprint(job.experiment, job.table, job.controller, loop, job.backend) != job.fingerprint:
             raise WmrError("this process has another version of the model or of wmr_afl", "install the same everywhere")
         _ASSEMBLED[job.fingerprint] = loop, folder
     return _ASSEMBLED[job.fingerprint][0]
@@ -123,24 +122,24 @@ _ASSEMBLED: dict[str, tuple[ClosedLoop, tempfile.TemporaryDirectory[str]]] = {}
 
 
 def _assemble(job: Job, folder: Path) -> ClosedLoop:
-    told = job.told
+    experiment = job.experiment
     if job.model_files:
         (folder / "model").mkdir()
         for name, text in job.model_files.items():
             (folder / "model" / name).write_text(text, encoding="utf-8")
-        told = told.model_copy(update={"robot": "model"})
-    return assemble(told, folder / "experiment.toml")[job.controller]
+        experiment = experiment.model_copy(update={"robot": "model"})
+    return assemble(experiment, folder / "experiment.toml")[job.controller]
 
 
-def _fingerprint(told: Experiment, table: CampaignTable, controller: str, loop: ClosedLoop, backend: str) -> str:
+def _fingerprint(experiment: Experiment, table: CampaignTable, controller: str, loop: ClosedLoop, backend: str) -> str:
     """Of everything that the numbers depend on: the loop's own C text, its start, its values, and the draws."""
     numbers = Layout(loop.states).pack(loop.states).tobytes() + Layout(loop.values).pack(loop.values).tobytes()
     parts = (
         kernel_text(trace(loop), watched_signals(loop), LANES, False)[0],
-        told.controller(controller).model_dump_json(),
-        told.simulation.model_dump_json(),
-        told.uncertainties.model_dump_json(),
+        experiment.controller(controller).model_dump_json(),
+        experiment.simulation.model_dump_json(),
+        experiment.uncertainties.model_dump_json(),
         table.model_dump_json(exclude={"success"}),
-        repr((sorted(told.parameters.items()), backend, BLOCK)),
+        repr((sorted(experiment.parameters.items()), backend, BLOCK)),
     )
     return hashlib.sha256("\0".join(parts).encode() + numbers).hexdigest()

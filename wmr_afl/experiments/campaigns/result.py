@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.experiments.distributions import SuccessTable
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.batch import BatchResult
-
-Numbers = NDArray[np.float64]
-
 
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 
@@ -27,7 +25,7 @@ class CampaignResult:
     outputs: dict[str, str]  # name -> unit
     inputs: dict[str, str]
     seed: int
-    draws: dict[str, Numbers]  # "place.name" -> (N,); with noise also "noise_seed"
+    draws: dict[str, Floats]  # "place.name" -> (N,); with noise also "noise_seed"
     runs: BatchResult
     criteria: SuccessTable
 
@@ -47,12 +45,12 @@ class CampaignResult:
         """The share of runs that succeeded, with Wilson's bounds at this confidence."""
         return wilson(int(np.count_nonzero(self.succeeded)), len(self), confidence)
 
-    def quantiles(self, levels: Sequence[float] = LEVELS) -> dict[str, Numbers]:
+    def quantiles(self, levels: Sequence[float] = LEVELS) -> dict[str, Floats]:
         """Quantiles of what each run came to, by name, (levels,); a failed run's errors count as infinite."""
         return {name: np.quantile(values, levels, method="higher") for name, values in self.measures().items()}
 
-    def measures(self) -> dict[str, Numbers]:
-        """What is told of each run, by name and unit, (N,)."""
+    def measures(self) -> dict[str, Floats]:
+        """What each run came to, by name and unit, (N,)."""
         columns = {}
         for what, label in (("rms", "RMS error"), ("largest_error", "largest error")):
             for index, (output, unit) in enumerate(self.outputs.items()):
@@ -66,7 +64,7 @@ class CampaignResult:
         early = np.where(self.runs.failed, self.runs.failure_time, np.inf)
         return np.lexsort((np.arange(len(self)), -self.runs.rms.max(axis=1), early))[:count]
 
-    def told(self, index: int) -> dict[str, Any]:
+    def describe(self, index: int) -> dict[str, Any]:
         """One run: what it drew and what it came to."""
         failure = self.runs.failure_time[index]
         return {
@@ -91,7 +89,7 @@ class CampaignResult:
             },
             "levels": list(LEVELS),
             "quantiles": {name: [_finite(q) for q in row] for name, row in self.quantiles().items()},
-            "worst": [self.told(index) for index in self.worst()],
+            "worst": [self.describe(index) for index in self.worst()],
         }
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from wmr_afl.errors import WmrError
-from wmr_afl.experiments.campaigns.job import Columns, Job, loop_of, prepare, variation_of
+from wmr_afl.experiments.campaigns.job import Columns, Job, ensemble_of, loop_of, prepare
 from wmr_afl.experiments.campaigns.ledger import Ledger, clear
 from wmr_afl.experiments.campaigns.result import CampaignResult
 from wmr_afl.experiments.campaigns.workers import here, on_cluster
@@ -32,7 +32,7 @@ def campaign(
     fresh: bool = False,
     progress: Callable[[int], None] = lambda done: None,
 ) -> CampaignResult:
-    """Runs what the [campaign] of an experiment draws; `progress` is told how many runs were done, block by block.
+    """Runs what the [campaign] of an experiment draws; `progress` is called with the number of runs done.
 
     `out`: a folder that keeps finished blocks, from which the same call goes on after an interruption; `fresh` begins
     anew there. `scheduler`: address of a Dask scheduler, tcp://HOST:PORT, whose workers run the blocks.
@@ -87,5 +87,5 @@ def replay(experiment: str | Path, index: int, controller: str | None = None, ba
         raise WmrError(f"there is no run {index}", "runs are counted from 0")
     job = prepare(experiment, controller)
     loop, (block, row) = loop_of(job), divmod(index, BLOCK)
-    robot = variation_of(job, loop, block, BLOCK)[1].block(slice(row, row + 1), 1)
-    return simulate(loop, job.told.simulation.duration, f"{job.controller}, run {index}", backend, robot=robot)
+    robot = ensemble_of(job, loop, block, BLOCK)[1].block(slice(row, row + 1), 1)
+    return simulate(loop, job.experiment.simulation.duration, f"{job.controller}, run {index}", backend, robot=robot)

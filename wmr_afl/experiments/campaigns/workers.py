@@ -51,7 +51,7 @@ def on_cluster(job: Job, wanted: Wanted, threads: int, scheduler: str) -> Finish
         try:
             for future in distributed.as_completed(list(futures), loop=client.loop):
                 if future.status == "error":
-                    raise _told(future.exception(), futures[future])
+                    raise _at_a_worker(future.exception(), futures[future])
                 yield futures[future], future.result()
                 future.release()
         except (*gone, distributed.client.CancelledError, distributed.client.FutureCancelledError) as error:
@@ -61,7 +61,7 @@ def on_cluster(job: Job, wanted: Wanted, threads: int, scheduler: str) -> Finish
             client.cancel(list(futures), force=True)
 
 
-def _told(error: BaseException, block: int) -> WmrError:
+def _at_a_worker(error: BaseException, block: int) -> WmrError:
     """What went wrong at a worker."""
     if isinstance(error, WmrError):
         return error

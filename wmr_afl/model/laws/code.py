@@ -1,13 +1,14 @@
-"""Laws of the generated code: both languages agree, batches agree with single states, Jacobians with differences."""
+"""Laws of the generated code: both libraries agree, batches agree with single states, Jacobians with differences."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from wmr_afl.model.laws.law import Law, Numbers, Situation, relative
+from wmr_afl.model.laws.law import Law, Situation, relative
+from wmr_afl.numerics.arrays import Floats
 
 
-def _languages_agree(s: Situation) -> float:
+def _libraries_agree(s: Situation) -> float:
     worst = 0.0
     for name, function in s.casadi.functions().items():
         given = [s.arguments[argument] for argument in function.name_in()]
@@ -17,7 +18,7 @@ def _languages_agree(s: Situation) -> float:
     return worst
 
 
-def _entrywise(value: Numbers, expected: Numbers) -> float:
+def _entrywise(value: Floats, expected: Floats) -> float:
     """Largest difference relative to the entry's own largest size over the batch.
 
     What an entry may owe to the rounding of larger ones, from which it is left by cancellation, does not count.
@@ -58,7 +59,7 @@ def _jacobians_are_derivatives(s: Situation) -> float:
 def _jacobians_are_differences(s: Situation) -> float:
     """Central differences with Richardson's extrapolation."""
 
-    def change(step: float, wrt: int) -> Numbers:
+    def change(step: float, wrt: int) -> Floats:
         given = [s.x, s.u, s.w, s.p]
         columns = []
         for row in np.eye(given[wrt].shape[1]):
@@ -74,8 +75,22 @@ def _jacobians_are_differences(s: Situation) -> float:
     return worst
 
 
+def _trusted_values(s: Situation) -> float:
+    """Every function against its SymPy expression at one point, evaluated to 30 digits when the robot was derived."""
+    trusted = s.numpy.trusted_values()
+    worst = 0.0
+    for name, description in s.numpy.metadata["functions"].items():
+        given = [trusted["arguments"][argument] for argument in description["arguments"]]
+        expected = np.reshape(np.array(trusted["values"][name], dtype=float), description["size"])
+        in_casadi = getattr(s.casadi, name)(*given).full().reshape(expected.shape)
+        for value in (getattr(s.numpy, name)(*given), in_casadi):
+            worst = max(worst, _entrywise(value[None], expected[None]))
+    return worst
+
+
 LAWS = (
-    Law("languages agree", "NumPy and CasADi give the same", 1e-12, _languages_agree),
+    Law("trusted values", "every function equals its expression evaluated to 30 digits", 1e-12, _trusted_values),
+    Law("libraries agree", "NumPy and CasADi give the same", 1e-12, _libraries_agree),
     Law("batches agree", "batches of any leading shape give what one by one gives", 1e-13, _batches_agree),
     Law("Jacobians", "dx'/dx and dx'/du equal automatic differentiation", 1e-11, _jacobians_are_derivatives),
     Law("differences", "dx'/dx and dx'/du equal finite differences", 1e-8, _jacobians_are_differences),

@@ -10,12 +10,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wmr_afl.model.model import Model, load_model
-
-Numbers = NDArray[np.float64]
-
+from wmr_afl.numerics.arrays import Floats
 
 CLOSE = 30.0  # times worse conditioned than usual: too close to a singular configuration to measure anything
 
@@ -32,7 +30,7 @@ class Law:
 
 
 class Situation:
-    """A model in both languages and a batch of random states, inputs, loads and parameters around the defaults."""
+    """A model in both libraries and a batch of random states, inputs, loads and parameters around the defaults."""
 
     def __init__(self, model: str | Path, count: int = 20, seed: int = 0) -> None:
         self.numpy, self.casadi = load_model(model, "numpy"), load_model(model, "casadi")
@@ -50,7 +48,7 @@ class Situation:
         self.p = self.numpy.parameters() * random.uniform(0.7, 1.3, (count, len(self.numpy.parameter_units)))
         self.c = self.numpy.known(self.p)
 
-    def _regular(self, candidates: Numbers, count: int) -> Numbers:
+    def _regular(self, candidates: Floats, count: int) -> Floats:
         """The first configurations that are not close to where S, Mbar or D fail, for there every digit is lost."""
         p = self.numpy.parameters()
         with np.errstate(all="ignore"):
@@ -64,21 +62,21 @@ class Situation:
         return candidates[kept[:count]]
 
     @cached_property
-    def theta(self) -> Numbers:
+    def theta(self) -> Floats:
         """The base parameters of `p`."""
         return np.asarray(self.numpy.base_parameters(self.p))
 
     @cached_property
-    def arguments(self) -> dict[str, Numbers]:
+    def arguments(self) -> dict[str, Floats]:
         """Every argument that generated functions take, by name."""
         return {name: getattr(self, name) for name in ("q", "x", "u", "w", "a", "p", "theta", "c")}
 
     @cached_property
-    def state_derivative(self) -> Numbers:
+    def state_derivative(self) -> Floats:
         """x' without load."""
         return self.numpy.state_derivative(self.x, self.u, 0.0 * self.w, self.p)
 
-    def along(self, term: str, direction: Numbers, wrt: str) -> Numbers:
+    def along(self, term: str, direction: Floats, wrt: str) -> Floats:
         """The derivative of a term along a direction of its argument `wrt`, by CasADi's automatic differentiation."""
         function = self.function(term)
         names = function.name_in()
@@ -91,7 +89,7 @@ class Situation:
         rows = [along(*row, d).full() for *row, d in zip(*given, direction, strict=True)]
         return np.array(rows).reshape(len(direction), *value.shape)
 
-    def jacobian(self, term: str, wrt: str) -> Numbers:
+    def jacobian(self, term: str, wrt: str) -> Floats:
         """The Jacobian of a vector term by its argument `wrt`, by CasADi's automatic differentiation."""
         size = self.arguments[wrt].shape[1]
         columns = [self.along(term, np.tile(row, (len(self.x), 1)), wrt)[:, :, 0] for row in np.eye(size)]
@@ -102,7 +100,7 @@ class Situation:
         return self.casadi.functions()[term]
 
 
-def _condition(matrices: Numbers) -> Numbers:
+def _condition(matrices: Floats) -> Floats:
     """How far each matrix is from losing rank: largest over smallest singular value; inf where it is not finite."""
     finite: Any = np.isfinite(matrices).all(axis=(-2, -1))
     whole: Any = np.where(finite[..., None, None], matrices, 0.0)
@@ -122,10 +120,10 @@ def relative(value: ArrayLike, expected: ArrayLike) -> float:
     return float(difference / max(1.0, float(np.max(np.abs(expected)))))
 
 
-def times(matrix: Any, vector: Any) -> Numbers:
+def times(matrix: Any, vector: Any) -> Floats:
     """Matrix times vector, over batches."""
     return np.einsum("...ij,...j->...i", matrix, vector)
 
 
-def transposed(matrix: Numbers) -> Numbers:
+def transposed(matrix: Floats) -> Floats:
     return np.swapaxes(matrix, -1, -2)

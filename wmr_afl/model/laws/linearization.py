@@ -6,18 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from wmr_afl.model.laws.law import Law, Numbers, Situation, relative, times, transposed
+from wmr_afl.model.laws.law import Law, Situation, relative, times, transposed
 from wmr_afl.model.model import Model
-from wmr_afl.numerics.arrays import NUMPY
+from wmr_afl.numerics.arrays import NUMPY, Floats
+from wmr_afl.numerics.formulas import numpy_value
 from wmr_afl.numerics.linear_algebra import least_norm
-from wmr_input import LONGEST_FORMULA, Algebra, evaluate
 
 
-def _output_map(s: Situation) -> Numbers:
+def _output_map(s: Situation) -> Floats:
     return s.numpy.output_jacobian(s.q, s.c) @ s.numpy.kinematic_matrix(s.q, s.p)
 
 
-def _acceleration(s: Situation, derivative: Numbers) -> Numbers:
+def _acceleration(s: Situation, derivative: Floats) -> Floats:
     """y'' along x', by automatic differentiation of y' (19)."""
     return s.along("output_rate", derivative, "x")[:, :, 0]
 
@@ -75,15 +75,11 @@ def _determinant(s: Situation) -> float:
         matrix = matrix @ transposed(matrix)
     names = [*s.numpy.state_units, *s.numpy.known_units, *s.numpy.base_parameter_units]
     columns = np.hstack([s.x, s.c, s.theta]).T
-    algebra = Algebra(
-        names={**dict(zip(names, columns, strict=True)), "pi": np.pi},
-        functions={"sin": np.sin, "cos": np.cos, "tan": np.tan, "sqrt": np.sqrt, "exp": np.exp},
-        number=float,
-    )
+    values = dict(zip(names, columns, strict=True))
     denominator = s.numpy.findings["det_denominator"]
     if denominator is not None:
-        algebra = replace(algebra, names={**algebra.names, "Delta": evaluate(denominator, algebra, LONGEST_FORMULA)})
-    reported = evaluate(s.numpy.findings["det_decoupling_matrix"], algebra, LONGEST_FORMULA)
+        values["Delta"] = numpy_value(denominator, values)
+    reported = numpy_value(s.numpy.findings["det_decoupling_matrix"], values)
     return relative(np.linalg.det(matrix) / reported, np.ones(len(s.x)))
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wmr_afl.model.laws.law import Law, Numbers, Situation, relative, times, transposed
-from wmr_input import Algebra, evaluate
+from wmr_afl.model.laws.law import Law, Situation, relative, times, transposed
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.formulas import numpy_value
 
 
 def _constraints_hold(s: Situation) -> float:
@@ -38,11 +39,11 @@ def _inertia_is_positive(s: Situation) -> float:
     return max(0.0, 1e-9 - float(np.min(values[:, 0] / values[:, -1])))
 
 
-def _inertia_rate(s: Situation) -> Numbers:
+def _inertia_rate(s: Situation) -> Floats:
     return s.along("inertia_matrix", times(s.numpy.kinematic_matrix(s.q, s.p), s.v), "q")
 
 
-def _damping(s: Situation) -> Numbers:
+def _damping(s: Situation) -> Floats:
     """Back-EMF's share in Cbar: what remains at rest, for the rest is linear in v."""
     return s.numpy.coriolis_matrix(np.hstack([s.q, 0.0 * s.v]), s.p)
 
@@ -74,11 +75,10 @@ def _motors_act_where_they_turn(s: Situation) -> float:
     return max(worst, relative(_damping(s), (transposed(rates) * back_emf) @ rates))
 
 
-def _of_motors(s: Situation, key: str) -> Numbers:
+def _of_motors(s: Situation, key: str) -> Floats:
     """A motor constant of every motor, from its formula in the physical parameters, (batch, n_u)."""
     names = dict(zip(s.numpy.parameter_units, s.p.T, strict=True))
-    algebra = Algebra(names | {"pi": np.pi}, {"sqrt": np.sqrt, "sin": np.sin, "cos": np.cos, "tan": np.tan}, float)
-    values = [evaluate(motor[key], algebra) for motor in s.numpy.metadata["motors"].values()]
+    values = [numpy_value(motor[key], names) for motor in s.numpy.metadata["motors"].values()]
     return np.stack(np.broadcast_arrays(*values, s.p[:, 0])[:-1], axis=-1)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from wmr_afl.model.laws.law import Law, Numbers, Situation, relative, times
+from wmr_afl.model.laws.law import Law, Situation, relative, times
 from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Floats
 
 
 def _is_forward(model: Model) -> bool:
@@ -36,7 +37,7 @@ def _inverse_minimal(s: Situation) -> float:
     return _missing_rank(s.numpy.inverse_regressor(*_many(s, s.v.shape[1])))
 
 
-def _many(s: Situation, inputs: int) -> tuple[Numbers, Numbers, Numbers]:
+def _many(s: Situation, inputs: int) -> tuple[Floats, Floats, Floats]:
     """Many states and inputs at one choice of the known constants."""
     random, count = np.random.default_rng(1), 400
     x = random.normal(size=(count, s.x.shape[1]))
@@ -44,7 +45,7 @@ def _many(s: Situation, inputs: int) -> tuple[Numbers, Numbers, Numbers]:
     return x, random.normal(size=(count, inputs)), generic
 
 
-def _missing_rank(regressor: Numbers) -> float:
+def _missing_rank(regressor: Floats) -> float:
     """How many columns of the stacked regressor follow from others."""
     stacked = regressor.reshape(-1, regressor.shape[-1])
     sizes = np.linalg.norm(stacked, axis=0)

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Numbers = NDArray[np.float64]
+from wmr_afl.numerics.arrays import Floats
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Watched:
 CACHE_LINE = 64  # bytes; a vector that straddles two costs two accesses
 
 
-def aligned(shape: tuple[int, ...]) -> Numbers:
+def aligned(shape: tuple[int, ...]) -> Floats:
     """Zeros that begin a cache line."""
     size = math.prod(shape)
     room = np.zeros(size + CACHE_LINE // 8)
@@ -38,7 +37,7 @@ def aligned(shape: tuple[int, ...]) -> Numbers:
 class Block:
     """Grows with every advance; one contiguous array, so that a kernel finds all of it."""
 
-    def __init__(self, state: Numbers, watched: Watched) -> None:
+    def __init__(self, state: Floats, watched: Watched) -> None:
         a = len(state)
         b, c = a + len(watched.squared), a + len(watched.squared) + len(watched.sized)
         self.rows = aligned((a + watched.rows, state.shape[1]))

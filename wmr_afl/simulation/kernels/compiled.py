@@ -10,15 +10,12 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from numpy.typing import NDArray
 
 from wmr_afl.errors import ShapeError
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.kernels.block import Block, Watched, aligned
 from wmr_afl.simulation.kernels.c_compiler import library
 from wmr_afl.simulation.kernels.c_printer import Argument, Depends, Program, print_step
-
-Numbers = NDArray[np.float64]
-
 
 _ENVIRONMENT = Environment(  # C, not HTML
     loader=FileSystemLoader(Path(__file__).parent),
@@ -44,17 +41,17 @@ class Kernel:
         text, self._held, self._reads_noise = kernel_text(step, watched, lanes, logged)
         self._prepare, self._advance, self._advance_bare = _functions(text)
 
-    def start(self, state: Numbers) -> Block:
+    def start(self, state: Floats) -> Block:
         """At the start, state (states, lanes)."""
         return Block(np.asarray(state, dtype=float), self.watched)
 
-    def prepare(self, values: Numbers) -> Numbers:
+    def prepare(self, values: Floats) -> Floats:
         """What no step changes, from values (values, lanes): to be given to every `advance` of these robots."""
         held = aligned((self._held, self.lanes))
         self._prepare(_pointer(np.ascontiguousarray(values, dtype=float)), _pointer(held))
         return held
 
-    def advance(self, block: Block, times: Numbers, noise: Numbers | None, held: Numbers) -> Numbers:
+    def advance(self, block: Block, times: Floats, noise: Floats | None, held: Floats) -> Floats:
         """Advances `block` by all `times` (T,); gives the signals (T, signals, lanes) where they are logged.
 
         noise (T, samples, lanes), contiguous, or none where the step reads none.
@@ -69,7 +66,7 @@ class Kernel:
         block.samples += len(times)
         return rows
 
-    def bound(self, block: Block, time: Numbers, noise: Numbers, held: Numbers, rows: Numbers) -> Callable[[], None]:
+    def bound(self, block: Block, time: Floats, noise: Floats, held: Floats, rows: Floats) -> Callable[[], None]:
         """A call that advances `block` by one sample from these arrays into `rows`, and allocates nothing.
 
         The arrays must outlive the call.
@@ -124,7 +121,7 @@ def _functions(text: str) -> tuple[Callable[..., None], Callable[..., None], Cal
     return built.prepare, built.advance, bare
 
 
-def _pointer(array: Numbers | None) -> int | None:
+def _pointer(array: Floats | None) -> int | None:
     if array is None:
         return None
     if not (array.flags.c_contiguous and array.dtype == np.float64):

@@ -7,11 +7,9 @@ from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.kernels.block import Block, Watched
-
-Numbers = NDArray[np.float64]
 
 
 class InterpretedKernel:
@@ -24,15 +22,15 @@ class InterpretedKernel:
         self._counting = counting(step, watched, logged)
         self._folded = functools.lru_cache(maxsize=4)(self._counting.fold)  # by number of steps: making one is slow
 
-    def start(self, state: Numbers) -> Block:
+    def start(self, state: Floats) -> Block:
         """At the start, state (states, 1)."""
         return Block(np.asarray(state, dtype=float), self.watched)
 
-    def prepare(self, values: Numbers) -> Numbers:
+    def prepare(self, values: Floats) -> Floats:
         """The values (values, 1) as they are."""
         return values
 
-    def advance(self, block: Block, times: Numbers, noise: Numbers | None, held: Numbers) -> Numbers:
+    def advance(self, block: Block, times: Floats, noise: Floats | None, held: Floats) -> Floats:
         """Advances `block` by all `times` (T,); gives the signals (T, signals, 1) where they are logged."""
         samples = np.zeros((len(times), 0)) if noise is None else noise[:, :, 0]
         inputs = np.column_stack([times, block.samples + np.arange(len(times), dtype=float), samples])
@@ -45,7 +43,7 @@ class InterpretedKernel:
         block.samples += len(times)
         return signals[:, :, None]
 
-    def _log(self, given: Numbers, inputs: Numbers) -> tuple[Numbers, Numbers]:
+    def _log(self, given: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         """What comes of `given` after all `inputs`, and the signals (T, signals); no array is made on the way."""
         now, following = given.copy(), given.copy()
         given_now, signals = np.zeros(self._counting.size1_in(1)), np.zeros(self._counting.size1_out(1))
@@ -82,7 +80,7 @@ def counting(step: ca.Function, watched: Watched, logged: bool) -> ca.Function:
     return ca.Function("counting", [ca.vertcat(kept, values), ca.vertcat(t, number, sample)], outputs)
 
 
-def bind(function: ca.Function, arguments: Sequence[Numbers], results: Sequence[Numbers]) -> Callable[[], None]:
+def bind(function: ca.Function, arguments: Sequence[Floats], results: Sequence[Floats]) -> Callable[[], None]:
     """A call that evaluates `function` from the arrays `arguments` into the arrays `results`, contiguous doubles."""
     buffer, run = function.buffer()
     for place, array in enumerate(arguments):

@@ -7,15 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from wmr_afl.errors import BackendWarning, CompilerError
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.kernels.block import Block, Watched
 from wmr_afl.simulation.kernels.compiled import Kernel as CompiledKernel
 from wmr_afl.simulation.kernels.interpreted import InterpretedKernel
-
-Numbers = NDArray[np.float64]
 
 
 class Kernel(Protocol):
@@ -24,9 +21,9 @@ class Kernel(Protocol):
     lanes: int
     sees_all: bool  # whether a signal that is not finite counts as a failure, too
 
-    def start(self, state: Numbers) -> Block: ...
-    def prepare(self, values: Numbers) -> Numbers: ...
-    def advance(self, block: Block, times: Numbers, noise: Numbers | None, held: Numbers) -> Numbers: ...
+    def start(self, state: Floats) -> Block: ...
+    def prepare(self, values: Floats) -> Floats: ...
+    def advance(self, block: Block, times: Floats, noise: Floats | None, held: Floats) -> Floats: ...
 
 
 MakeKernel = Callable[[ca.Function, Watched, int, bool], Kernel]  # of step, watched signals, lanes, logged

@@ -14,12 +14,13 @@ from wmr_afl.analysis.paper.figures import draw
 from wmr_afl.analysis.paper.report import write_report
 from wmr_afl.analysis.paper.robustness import beyond
 from wmr_afl.analysis.stability import error_system, lyapunov_function, robust_lyapunov_function, ultimate_bound
-from wmr_afl.controllers import GradientAdaptation, Leakage, OuterLoop, Projection, RobustTerm, TrackingController
+from wmr_afl.controllers import GradientAdaptation, Knowledge, Leakage, OuterLoop, Projection, RobustTerm, TrackingLaw
 from wmr_afl.controllers.reference import Reference, circle, figure_eight
 from wmr_afl.experiments.assembly import assemble
 from wmr_afl.experiments.experiment import read_experiment
 from wmr_afl.experiments.run import run
 from wmr_afl.model.model import load_model
+from wmr_afl.numerics.parts import by_part
 from wmr_afl.plant import Disturbance, Plant
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.simulate import simulate
@@ -46,10 +47,10 @@ def test_all_three_laws_share_every_gain_but_their_modification() -> None:
     """What makes them comparable: nothing else differs."""
     for study in ("study_2", "study_2_high_gain"):
         loops = assemble(*read_experiment(study))
-        plain = loops["AFL"].controller.values
+        plain = loops["AFL"].law.values
         for loop in loops.values():
             for name, value in plain.items():
-                np.testing.assert_array_equal(loop.controller.values[name], value)
+                np.testing.assert_array_equal(loop.law.values[name], value)
 
 
 def test_a_failed_run_meets_no_claim_of_tracking(runs: dict[str, dict[str, Run]]) -> None:
@@ -65,7 +66,7 @@ def test_a_failed_run_meets_no_claim_of_tracking(runs: dict[str, dict[str, Run]]
 def test_numpy_and_casadi_agree(study: str) -> None:
     """Over the whole study; with the robust term until it chatters: then any rounding grows from switch to switch."""
     for name, loop in assemble(*read_experiment(study)).items():
-        duration = 140.0 if loop.controller.robust is None else 7.0
+        duration = 140.0 if loop.law.robust is None else 7.0
         first, second = (simulate(loop, duration, name, backend) for backend in ("numpy", "casadi"))
         for signal in ("state", "input", "estimate"):
             a, b = getattr(first, signal), getattr(second, signal)
@@ -74,23 +75,22 @@ def test_numpy_and_casadi_agree(study: str) -> None:
 
 def paper_robot(robust: RobustTerm | None, disturbed: bool, leakage: float = 0.0, step: float = 5e-4) -> ClosedLoop:
     """Study 2's robot on its figure eight, without saturation and with estimates that need no bound."""
-    told, path = read_experiment("study_2")
-    study = assemble(told, path)["AFL"]
+    study = assemble(*read_experiment("study_2"))["AFL"]
     model, p = study.model, study.plant.parameters
     theta = model.base_parameters(p)
-    adaptation = GradientAdaptation(6, study.controller.adaptation.gain, Leakage(6, leakage) if leakage else None)
-    controller = TrackingController(
-        model, model.known(p), 1.3 * theta, OuterLoop(2, 2.0, 1.0), None, adaptation, Projection(6, 0.05), robust
-    )
+    modifications = [Leakage(6, leakage)] if leakage else []
+    adaptation = GradientAdaptation(6, study.law.adaptation.gain, modifications, Projection(6, 0.05))
+    knowledge = Knowledge(model, model.known(p), 1.3 * theta)
+    law = TrackingLaw(knowledge, OuterLoop(2, 2.0, 1.0), adaptation=adaptation, robust=robust)
     loads = [Disturbance(model, "2*sin(3*t)")] if disturbed else []
     start = np.array([2.6, 5.4, 0.7, 0.1, 0.0])
-    plant = Plant(model, p, start, "rk4", loads=loads)
+    plant = Plant(model, p, start, "rk4", loads)
     reference = Reference(dict(zip(model.output_units, figure_eight([2.5, 5.5], 2.0, 0.05), strict=True)))
-    return ClosedLoop(model, plant, controller, reference, step)
+    return ClosedLoop(model, plant, law, reference, step)
 
 
 def error_rate(loop: ClosedLoop, one: Run) -> np.ndarray:
-    return one.model.output_rate(one.state, loop.controller.known) - loop.reference.over(one.time)[1]
+    return one.model.output_rate(one.state, one.known) - loop.reference.over(one.time)[1]
 
 
 def test_the_robust_lyapunov_function_does_not_increase_in_continuous_time() -> None:
@@ -101,17 +101,17 @@ def test_the_robust_lyapunov_function_does_not_increase_in_continuous_time() -> 
     original = ClosedLoop.step
 
     class Watched(ClosedLoop):
-        def step(self, t, z, k, sample, language):  # type: ignore[no-untyped-def]
-            states.append(np.concatenate([getattr(z, name) for name in names]))
-            return original(self, t, z, k, sample, language)
+        def step(self, t, z, k, sample, model):  # type: ignore[no-untyped-def]
+            states.append(np.concatenate([getattr(z.robust, name) for name in names]))
+            return original(self, t, z, k, sample, model)
 
-    watched = Watched(**{f: getattr(loop, f) for f in ("model", "plant", "controller", "reference", "sample_time")})
+    watched = Watched(**{f: getattr(loop, f) for f in ("model", "plant", "law", "reference", "sample_time")})
     one = simulate(watched, 4.0, backend="numpy")
     a_hat, mu = np.array(states)[:, :2], np.array(states)[:, 2]
     theta = loop.model.base_parameters(loop.plant.parameters)
     value = lyapunov_function(
-        one.error, error_rate(loop, one), one.estimate - theta, error_system(loop.controller.outer_loop),
-        loop.controller.adaptation,
+        one.error, error_rate(loop, one), one.estimate - theta, error_system(loop.law.outer_loop),
+        loop.law.adaptation,
     )  # fmt: skip
     v, bound = one.state[:, 3:], disturbance_size(loop, one)
     a = np.array([0.0, 1.05 * bound.max()])  # |delta| <= a . [|v|, 1]
@@ -124,14 +124,10 @@ def test_the_robust_lyapunov_function_does_not_increase_in_continuous_time() -> 
 def disturbance_size(loop: ClosedLoop, one: Run) -> np.ndarray:
     """|delta| (68) along a run, from the plant's own loads."""
     model, p = loop.model, loop.plant.parameters
-    from types import SimpleNamespace
-
-    from wmr_afl.model.model import Language
-
-    k, language = SimpleNamespace(**loop.plant.values), Language.of(model, "numpy")
+    k = by_part(loop.plant.values)
     sizes = []
     for t, x in zip(one.time, one.state, strict=True):
-        w = loop.plant.load(t, x, p, k, language)
+        w = loop.plant.load(t, x, p, k, model)
         q = x[: model.coordinate_count]
         push = np.linalg.solve(model.inertia_matrix(q, p), w)
         sizes.append(np.linalg.norm(model.output_jacobian(q, model.known(p)) @ model.kinematic_matrix(q, p) @ push))
@@ -144,7 +140,7 @@ def test_with_leakage_the_errors_end_within_the_computed_bound() -> None:
     one = simulate(loop, 60.0)
     theta = loop.model.base_parameters(loop.plant.parameters)
     bound = ultimate_bound(
-        error_system(loop.controller.outer_loop), loop.controller.adaptation, theta, disturbance_size(loop, one).max()
+        error_system(loop.law.outer_loop), loop.law.adaptation, theta, disturbance_size(loop, one).max()
     )
     late = one.time > 40.0
     x = np.hstack([one.error, error_rate(loop, one)])[late]
@@ -157,7 +153,7 @@ def test_the_bound_wants_leakage_on_every_estimate() -> None:
     from wmr_afl import WmrError
 
     system = error_system(OuterLoop(2, 2.0, 1.0))
-    for adaptation in (GradientAdaptation(2, 1.0), GradientAdaptation(2, 1.0, Leakage(2, [0.1, 0.0]))):
+    for adaptation in (GradientAdaptation(2, 1.0), GradientAdaptation(2, 1.0, [Leakage(2, [0.1, 0.0])])):
         with pytest.raises(WmrError, match="leakage"):
             ultimate_bound(system, adaptation, [1.0, 1.0], 0.1)
 
@@ -168,9 +164,8 @@ def test_a_circle_leaves_base_parameters_unknown_that_a_figure_eight_determines(
     found = {}
     for study in ("study_1", "study_2"):
         one = runs[study]["AFL"]
-        loop = assemble(*read_experiment(study))["AFL"]
-        theta = one.model.base_parameters(loop.plant.parameters)
-        found[study] = excitation(one, loop.controller.known, theta, window=40.0, since=20.0)
+        theta = one.model.base_parameters(one.parameters)
+        found[study] = excitation(one, theta, window=40.0, since=20.0)
         assert estimate_error(one, theta).shape == one.estimate.shape
     relative = {study: one.level.min() / one.highest.max() for study, one in found.items()}
     assert not any(one.is_persistent for one in found.values())
@@ -184,17 +179,15 @@ def test_estimates_come_closer_where_the_reference_excites_them_and_hardly_where
     model = load_model("type_2_0")
     p = model.parameters(L=0.5)
     theta = model.base_parameters(p)
-    adaptation, bounds = GradientAdaptation(6, 10.0 * theta**2), Projection(6, 0.5 * theta, 1.5 * theta)
-    controller = TrackingController(
-        model, model.known(p), 1.2 * theta, OuterLoop(2, 2.0, 1.0), None, adaptation, bounds
-    )
+    adaptation = GradientAdaptation(6, 10.0 * theta**2, projection=Projection(6, 0.5 * theta, 1.5 * theta))
+    law = TrackingLaw(Knowledge(model, model.known(p), 1.2 * theta), OuterLoop(2, 2.0, 1.0), adaptation=adaptation)
     left = {}
     for kind in (figure_eight, circle):
         reference = Reference(dict(zip(model.output_units, kind([0.0, 0.0], 3.0, 0.15), strict=True)))
         on_it = reference.at(0.0)
         heading = float(np.arctan2(on_it.velocity[1], on_it.velocity[0]))
         start = [*(on_it.position - 0.5 * np.array([np.cos(heading), np.sin(heading)])), heading, 0.5, 0.0]
-        one = simulate(ClosedLoop(model, Plant(model, p, start, "rk4"), controller, reference, 5e-3), 200.0)
+        one = simulate(ClosedLoop(model, Plant(model, p, start, "rk4"), law, reference, 5e-3), 200.0)
         error = np.linalg.norm(estimate_error(one, theta), axis=1)
         left[kind.__name__] = error[-1] / error[0]
     assert left["figure_eight"] < 0.9

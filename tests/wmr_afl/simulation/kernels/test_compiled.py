@@ -166,7 +166,7 @@ def no_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def forget() -> None:
     """What this process remembers of compilers, libraries and loops."""
-    for remembered in (build._identity, build.compiler, kernel_module._functions, loading._loaded):
+    for remembered in (build._identity, build.compiler, kernel_module._functions, loading._assembled):
         if hasattr(remembered, "cache_clear"):  # also where a test has put something else in its place
             remembered.cache_clear()
 

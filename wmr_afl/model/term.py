@@ -1,0 +1,94 @@
+"""A generated function behind checks: what does not fit ends in one line instead of a broadcast or a traceback."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from casadi import DM, MX, SX, Function
+
+from wmr_afl.errors import ShapeError
+from wmr_afl.numerics.arrays import Array, Floats
+
+Entries = Mapping[str, Sequence[str]]  # argument -> names of its entries, in order
+
+
+class Term:
+    """One of a model's functions, called as the generated one: in the order of its arguments, or by their names."""
+
+    def __init__(
+        self, model: str, name: str, function: Callable[..., Array], entries: Entries, meaning: Mapping[str, Any]
+    ) -> None:
+        """`model` and `name` are for messages; `meaning` is what model.json says of the function."""
+        self._model, self.name, self._function, self._entries = model, name, function, entries
+        self._takes_columns = isinstance(function, Function)
+        self.__doc__ = _documentation(entries, meaning)
+
+    def __repr__(self) -> str:
+        return f"<{self._model}.{self.name}({', '.join(self._entries)})>"
+
+    def __call__(self, *arguments: Array, **named: Array) -> Array:
+        """The term's value.
+
+        Raises:
+            ShapeError: if an argument has the wrong shape, or there are too few or too many.
+        """
+        if named or len(arguments) != len(self._entries):
+            arguments = self._in_order(arguments, named)
+        if self._takes_columns:  # CasADi would broadcast or transpose a wrong shape
+            for (argument, names), value in zip(self._entries.items(), arguments, strict=True):
+                check_column(argument, self._model, value, names)
+        try:
+            return self._function(*arguments)
+        except ValueError:
+            given = dict(zip(self._entries, arguments, strict=True))
+            for argument, value in given.items():
+                checked_vector(argument, self._model, value, self._entries[argument])
+            shapes = ", ".join(f"{argument} has shape {np.shape(value)}" for argument, value in given.items())
+            raise ShapeError(f"batches of {self._model}.{self.name} do not fit each other: {shapes}") from None
+
+    def _in_order(self, arguments: Sequence[Array], named: Mapping[str, Array]) -> tuple[Array, ...]:
+        given = {**dict(zip(self._entries, arguments, strict=False)), **named}
+        if given.keys() != self._entries.keys() or len(arguments) + len(named) != len(self._entries):
+            wanted = ", ".join(self._entries)
+            raise ShapeError(f"{self._model}.{self.name} takes {wanted}", f"given were {len(arguments) + len(named)}")
+        return tuple(given[argument] for argument in self._entries)
+
+
+def checked_vector(argument: str, model: str, value: Array, names: Sequence[str]) -> Floats:
+    """`value` as an array of numbers (..., len(names)).
+
+    Raises:
+        ShapeError: if it is none.
+    """
+    expected = f"expected (..., {len(names)}): {', '.join(names) or 'nothing'}"
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ShapeError(f"{argument} is not an array of numbers", expected) from None
+    if array.ndim == 0 or array.shape[-1] != len(names):
+        raise ShapeError(f"{argument} of {model} has shape {array.shape}", expected)
+    return array
+
+
+def check_column(argument: str, model: str, value: Array, names: Sequence[str]) -> None:
+    """Checks that `value` is a column (len(names), 1), of numbers or of symbols.
+
+    Raises:
+        ShapeError: if it is not.
+    """
+    if not isinstance(value, SX | MX | DM):
+        value = checked_vector(argument, model, value, names)
+    if tuple(value.shape) not in ((len(names),), (len(names), 1)):
+        raise ShapeError(f"{argument} of {model} has shape {tuple(value.shape)}", f"expected ({len(names)}, 1)")
+
+
+def _documentation(entries: Entries, meaning: Mapping[str, Any]) -> str:
+    """What `help` shows."""
+    symbols, numbers = (", ".join(str(size) for size in meaning[key]) for key in ("shape", "size"))
+    lines = [f"{meaning['meaning']}; equation {meaning['equation']}.", ""]
+    lines += [f"{argument} (..., {len(names)}): {', '.join(names) or 'nothing'}" for argument, names in entries.items()]
+    lines += [f"Returns: (..., {symbols}) = (..., {numbers})"]
+    return "\n".join(textwrap.fill(line, 110, subsequent_indent="    ") if line else "" for line in lines)

@@ -9,8 +9,7 @@ from sympy import Expr, Matrix, Symbol
 
 from ..derivation import Derivation
 from .metadata import Metadata
-from .module import operation_count
-from .quantities import Quantity
+from .program import Program
 from .rendering import render
 
 _READABLE = 60  # operations; longer expressions are shown in named terms
@@ -19,11 +18,10 @@ _READABLE = 60  # operations; longer expressions are shown in named terms
 _GREEK = ("alpha", "beta", "gamma", "delta", "theta", "phi", "psi", "omega", "pi")
 
 
-def print_report(derivation: Derivation, metadata: Metadata, quantities: list[Quantity]) -> str:
+def print_report(derivation: Derivation, metadata: Metadata, programs: list[Program]) -> str:
     """The text of `derivation.md`."""
     tex = _Tex(derivation)
-    d = derivation
-    operations = [(q.name, q.equation, operation_count(q, d.terms)) for q in quantities]
+    operations = [(one.quantity.name, one.quantity.equation, one.steps.operations) for one in programs]
     return render(
         "derivation.md.jinja",
         metadata=metadata,

@@ -10,8 +10,8 @@ from sympy import Expr
 
 from ..derivation import Derivation
 from ..mechanics.poses import geometry
+from .arguments import arguments_of, unit_text, units_of
 from .findings import findings
-from .quantities import arguments_of, unit_text, units_of
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Quantities -> one Python module. The functions' bodies are the same text for NumPy and CasADi."""
+"""Programs -> one module of a target language."""
 
 from __future__ import annotations
 
@@ -8,36 +8,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..algebra.named_terms import Terms
+from .arguments import Argument
 from .metadata import Metadata
-from .python_code import WIDTH, PythonCode, wrapped
-from .quantities import Argument, Quantity
+from .program import Program, program
+from .python_code import FUNCTIONS, WIDTH
+from .quantities import Quantity
 from .rendering import render
-from .statements import Statements, statements
-
-FUNCTIONS = (
-    "cos",
-    "exp",
-    "fabs",
-    "pi",
-    "sign",
-    "sin",
-    "sqrt",
-    "tan",
-)  # what expressions may call, by the same name in both libraries
-
-
-_HELPERS = ("np", "math", "functools", "SX", "Function", "out")
-
-
-@dataclass(frozen=True)
-class Dialect:
-    """What differs between the languages: imports, and how a function is made and its result set aside."""
-
-    file: str
-    title: str
-    usage: tuple[str, ...]
-    imports: str  # templates
-    helpers: str
+from .targets.dialect import Dialect
 
 
 @dataclass(frozen=True)
@@ -49,74 +26,49 @@ class PrintedFunction:
     body: list[str]
 
 
-def print_module(quantities: list[Quantity], terms: Terms, metadata: Metadata, dialect: Dialect) -> str:
-    """The text of a module that holds one function for each quantity."""
-    module_names = {*(quantity.name for quantity in quantities), *FUNCTIONS, *_HELPERS}
-    printed = [_print_function(quantity, terms, module_names) for quantity in quantities]
-    used = sorted({name for one in printed for name in FUNCTIONS if any(_uses(line, name) for line in one.body)})
+def print_module(programs: list[Program], metadata: Metadata, dialect: Dialect) -> str:
+    """The text of a module that holds one function for each program."""
+    printed = [PrintedFunction(one.quantity, _docstring(one), dialect.body(one)) for one in programs]
+    called = {word for one in printed for line in one.body for word in re.findall(r"\w+", line)}
     return render(
-        "module.py.jinja",
+        "module.jinja",
+        dialect.folder,
         functions=printed,
         metadata=metadata,
-        used=used,
-        symbol_table=_symbol_table(quantities),
+        used=[name for name in FUNCTIONS if name in called],
+        symbol_table=_symbol_table([one.quantity for one in programs]),
         dialect=dialect,
     )
 
 
 def operation_count(quantity: Quantity, terms: Terms) -> int:
     """Arithmetic operations of the generated function."""
-    return statements(quantity.expression, terms, ()).operations
+    return program(quantity, terms).steps.operations
 
 
-def _uses(line: str, name: str) -> bool:
-    return re.search(rf"\b{name}\b", line) is not None
-
-
-def _print_function(quantity: Quantity, terms: Terms, module_names: set[str]) -> PrintedFunction:
-    arguments = [argument.name for argument in quantity.arguments]
-    reserved = module_names | set(arguments)
-    inputs = {symbol: _free(symbol.name, reserved) for arg in quantity.arguments for symbol in arg.entries}
-    steps = statements(quantity.expression, terms, reserved | set(inputs.values()))
-    code = PythonCode(inputs)
-    size = quantity.size
-    body = [
-        f"{inputs[symbol]} = {argument.name}[{index}]"
-        for argument in quantity.arguments
-        for index, symbol in enumerate(argument.entries)
-        if symbol in steps.inputs
+def _docstring(one: Program) -> list[str]:
+    quantity, operations = one.quantity, one.steps.operations
+    shape, size = (_tuple(map(str, entries)) for entries in (quantity.shape, quantity.size))
+    plural = "" if operations == 1 else "s"
+    lines = [
+        f"{quantity.meaning}; {_reference(quantity.equation)}.",
+        "",
+        *(f"{argument.name}: {_described(argument)}" for argument in quantity.arguments),
+        f"Returns: shape {shape} = {size}; {operations} operation{plural}.",
     ]
-    body += [f"{symbol.name} = {code.doprint(expression)}" for symbol, expression in steps.assignments]
-    room = "_empty" if len(steps.entries) == len(quantity.expression) else "_zeros"
-    body.append(f"out = {room}({size}, {', '.join(arguments)})")
-    for (i, j), entry in steps.entries.items():
-        body.append(
-            f"out[{i}] = {code.doprint(entry)}" if quantity.is_vector else f"out[{i}, {j}] = {code.doprint(entry)}"
-        )
-    return PrintedFunction(quantity, _docstring(quantity, steps, size), _wrap(body))
+    return [part for line in lines for part in (textwrap.wrap(line, WIDTH, subsequent_indent="    ") if line else [""])]
 
 
-def _wrap(lines: Iterable[str]) -> list[str]:
-    return [part for line in lines for part in wrapped(line, 4).split("\n")]
+def _tuple(entries: Iterable[str]) -> str:
+    listed = list(entries)
+    return f"({listed[0]},)" if len(listed) == 1 else f"({', '.join(listed)})"
 
 
-def _free(name: str, reserved: set[str]) -> str:
-    while name in reserved:
-        name += "_"
-    reserved.add(name)
-    return name
-
-
-def _docstring(quantity: Quantity, steps: Statements, size: tuple[int, ...]) -> list[str]:
-    symbols = ", ".join(quantity.shape)
-    lines = [f"{quantity.meaning}; equation {quantity.equation}.", ""]
-    lines += [f"{argument.name}: {_described(argument)}" for argument in quantity.arguments]
-    numbers = ", ".join(str(number) for number in size)
-    comma = "," if len(size) == 1 else ""
-    lines.append(f"Returns: shape ({symbols}{comma}) = ({numbers}{comma}); {steps.operations} operations.")
-    return [
-        part for line in lines for part in (textwrap.wrap(line, WIDTH - 4, subsequent_indent="    ") if line else [""])
-    ]
+def _reference(equation: str) -> str:
+    """(2) -> equation (2); words stay as they are."""
+    if not equation.startswith("("):
+        return equation
+    return f"equations {equation}" if ", (" in equation else f"equation {equation}"
 
 
 def _described(argument: Argument) -> str:

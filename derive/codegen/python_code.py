@@ -2,24 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+import textwrap
+from collections.abc import Collection, Mapping
 
 import sympy as sp
+from sympy import Expr, Symbol
 from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
-WIDTH = 116  # columns of a line
+WIDTH = 116  # columns of a line inside a function
+_INDENT = " " * 4
+
+FUNCTIONS = ("cos", "exp", "fabs", "pi", "sign", "sin", "sqrt", "tan")  # what expressions may call, by these names
 
 
 class PythonCode(StrPrinter):  # type: ignore[misc]
-    """Prints with `names` for symbols; functions stand bare, as `from numpy import cos` makes them available."""
+    """Prints with `names` for symbols; functions stand bare, as `from numpy import cos` makes them available.
 
-    def __init__(self, names: Mapping[sp.Symbol, str]) -> None:
+    The symbols' own names decide the order of factors and summands, and with it the rounding. `inlined` symbols stand
+    for function calls, `negated` ones for minus what their name says; these are neither raised to powers nor arguments.
+    """
+
+    def __init__(
+        self,
+        names: Mapping[Symbol, str],
+        inlined: Mapping[Symbol, Expr] | None = None,
+        negated: Collection[Symbol] = (),
+    ) -> None:
         super().__init__()
-        self._names = names
+        self._names, self._inlined, self._negated = names, inlined or {}, negated
 
-    def _print_Symbol(self, expr: sp.Symbol) -> str:
-        return self._names.get(expr, expr.name)
+    def _print_Symbol(self, expr: Symbol) -> str:
+        if expr in self._inlined:
+            return self._print(self._inlined[expr])
+        name = self._names.get(expr, expr.name)
+        return f"-{name}" if expr in self._negated else name
+
+    def parenthesize(self, item: Expr, level: int, strict: bool = False) -> str:
+        if item in self._negated:  # a factor: _print_Mul puts the sign in front of the product
+            return self._names[item]
+        return super().parenthesize(item, level, strict)
+
+    def _print_Mul(self, expr: sp.Mul) -> str:
+        text = super()._print_Mul(expr)
+        if sum(factor in self._negated for factor in expr.args) % 2 == 0:
+            return text
+        return text[1:] if text.startswith("-") else f"-{text}"
 
     def _print_Rational(self, expr: sp.Rational) -> str:
         return f"{expr.p}/{expr.q}"
@@ -49,34 +78,56 @@ class PythonCode(StrPrinter):  # type: ignore[misc]
         return "pi"
 
 
-def wrapped(line: str, indent: int) -> str:
-    """A long assignment, broken before + and -, the outermost ones where that is enough."""
-    head, separator, body = line.partition(" = ")
-    if len(line) + indent <= WIDTH or not separator:
-        return line
-    inner = " " * (indent + 4)
-    lines, current = [], ""
-    for piece in _pieces(body, WIDTH - len(inner)):
-        if current and len(inner) + len(current) + 1 + len(piece) > WIDTH:
-            lines.append(current)
-            current = piece
+def assigned(targets: list[str], value: str) -> list[str]:
+    """`value` assigned to `targets`, a long one broken before + and -, the outermost ones if that is enough."""
+    line = " = ".join([*targets, value])
+    if len(line) <= WIDTH:
+        return [line]
+    lines = [""]
+    for piece in _pieces(value, WIDTH - len(_INDENT)):
+        longer = f"{lines[-1]} {piece}".lstrip()
+        if len(_INDENT) + len(longer) <= WIDTH or not lines[-1]:
+            lines[-1] = longer
         else:
-            current = f"{current} {piece}" if current else piece
-    lines.append(current)
-    joined = f"\n{inner}".join(lines)
-    return f"{head} = (\n{inner}{joined}\n{' ' * indent})"
+            lines.append(piece)
+    return [" = ".join([*targets, "("]), *(_INDENT + each for each in lines), ")"]
 
 
-def _pieces(body: str, width: int) -> list[str]:
-    """`body` split at its spaces before + and -, as deep inside parentheses as it takes to stay within `width`."""
-    for deepest in range(body.count("(") + 1):
+def unpacked(names: list[str], values: list[str]) -> list[str]:
+    """`values` assigned to `names` in one statement, broken after commas."""
+    left, right = ", ".join(names), ", ".join(values)
+    if len(f"{left} = {right}") <= WIDTH:
+        return [f"{left} = {right}"]
+    if len(left) + 4 <= WIDTH:
+        return [f"{left} = (", *_filled(right), ")"]
+    return ["(", *_filled(f"{left},"), ") = (", *_filled(right), ")"]
+
+
+def _filled(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent=_INDENT, subsequent_indent=_INDENT, break_long_words=False)
+
+
+def _pieces(value: str, width: int) -> list[str]:
+    """`value` split at its spaces before + and -, as deep inside parentheses as it takes to stay within `width`.
+
+    Products that are still too long are split before their last * that fits.
+    """
+    for deepest in range(value.count("(") + 1):
         depth, start, pieces = 0, 0, []
-        for position, letter in enumerate(body):
+        for position, letter in enumerate(value):
             depth += (letter == "(") - (letter == ")")
-            if depth <= deepest and body[position : position + 3] in (" + ", " - "):
-                pieces.append(body[start:position])
+            if depth <= deepest and value[position : position + 3] in (" + ", " - "):
+                pieces.append(value[start:position])
                 start = position + 1
-        pieces.append(body[start:])
+        pieces.append(value[start:])
         if max(map(len, pieces)) <= width:
-            break
-    return pieces
+            return pieces
+    return [part for piece in pieces for part in _factors(piece, width)]
+
+
+def _factors(piece: str, width: int) -> list[str]:
+    if len(piece) <= width:
+        return [piece]
+    stars = [match.start() for match in re.finditer(r"(?<!\*)\*(?!\*)", piece)]
+    end = max((position for position in stars if 0 < position <= width), default=len(piece))
+    return [piece[:end], *_factors(piece[end:], width)] if end < len(piece) else [piece]

@@ -1,22 +1,15 @@
-"""Filling the templates beside this module."""
+"""Filling templates: those beside this module, and those of a target language."""
 
 import json
 import textwrap
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 _WIDTH = 120
-
-
-_ENVIRONMENT = Environment(  # the output is code and Markdown, not HTML: nothing to escape
-    loader=FileSystemLoader(Path(__file__).parent / "templates"),
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    autoescape=False,  # noqa: S701
-)
+_TEMPLATES = Path(__file__).parent / "templates"
 
 
 def _literal(value: object) -> str:
@@ -44,9 +37,19 @@ def _filled(text: str) -> str:
     return textwrap.fill(text, _WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
-_ENVIRONMENT.filters |= {"literal": _literal, "docstring": _docstring, "wrapped": _wrapped, "filled": _filled}
+@cache
+def _environment(folder: Path) -> Environment:
+    environment = Environment(  # the output is code and Markdown, not HTML: nothing to escape
+        loader=FileSystemLoader([folder, _TEMPLATES]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        autoescape=False,  # noqa: S701
+    )
+    environment.filters |= {"literal": _literal, "docstring": _docstring, "wrapped": _wrapped, "filled": _filled}
+    return environment
 
 
-def render(template: str, **context: Any) -> str:
-    """The text of a template, ending in one line feed."""
-    return _ENVIRONMENT.get_template(template).render(**context).rstrip("\n") + "\n"
+def render(template: str, folder: Path = _TEMPLATES, **context: Any) -> str:
+    """The text of a template, ending in one line feed; it and what it includes may stand in `folder`."""
+    return _environment(folder).get_template(template).render(**context).rstrip("\n") + "\n"

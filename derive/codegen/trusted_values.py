@@ -16,7 +16,8 @@ from sympy import Expr, Matrix, Symbol
 
 from ..algebra.finite_field import NotRepresentable
 from ..derivation import Derivation
-from .quantities import Quantity, arguments_of
+from .arguments import arguments_of
+from .quantities import Quantity
 
 _DIGITS = 50
 _NOISE = mpf("1e-30")  # of a function's largest entry; what cancels leaves less than that

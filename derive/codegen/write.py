@@ -6,7 +6,7 @@ import difflib
 import hashlib
 import os
 import tempfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import sympy as sp
@@ -16,11 +16,14 @@ from wmr_input import InputError, WmrError
 from ..derivation import Derivation, Progress, derive_robot, telling
 from ..description.tables import read_description
 from .derivation_report import print_report
-from .dialects import CASADI, NUMPY
 from .json_text import json_text
 from .metadata import Metadata, describe
 from .module import print_module
-from .quantities import Quantity, quantities
+from .program import program
+from .python_code import FUNCTIONS
+from .quantities import QUANTITIES, Entry, Quantity, quantities
+from .targets import TARGETS
+from .targets.dialect import Dialect
 from .trusted_values import trusted_values
 
 Files = dict[str, str]  # path below the output folder -> text
@@ -49,18 +52,27 @@ def generate_one(path: Path, progress: Progress = lambda step: None) -> Files:
         return files_of(derivation, path, progress)
 
 
-def files_of(derivation: Derivation, path: Path, progress: Progress = lambda step: None) -> Files:
-    """The files of a derived robot whose description is at `path`."""
+def files_of(
+    derivation: Derivation,
+    path: Path,
+    progress: Progress = lambda step: None,
+    entries: Iterable[Entry] = QUANTITIES,
+    targets: Sequence[Dialect] = TARGETS,
+) -> Files:
+    """The files of a derived robot whose description is at `path`: a function for each of `entries`."""
     metadata = describe(derivation)
-    functions = quantities(derivation)
+    functions = quantities(derivation, entries)
+    progress("statements")
+    reserved = {*FUNCTIONS, *(one.name for one in functions), *(name for target in targets for name in target.reserved)}
+    programs = [program(one, derivation.terms, reserved) for one in functions]
     files: Files = {}
-    for dialect in (NUMPY, CASADI):
-        progress(dialect.file)
-        files[dialect.file] = print_module(functions, derivation.terms, metadata, dialect)
+    for target in targets:
+        progress(target.file)
+        files[target.file] = print_module(programs, metadata, target)
     progress("values and report")
     files["trusted_values.json"] = json_text(trusted_values(derivation, functions))
     files["model.json"] = _print_json(metadata, functions, path)
-    files["derivation.md"] = print_report(derivation, metadata, functions)
+    files["derivation.md"] = print_report(derivation, metadata, programs)
     return files
 
 

@@ -28,22 +28,9 @@ from numpy import cos, sin
 # Names in order, with units.
 NAME = "car"
 PARAMETRIZATION = "inverse"
-STATE = {
-    "x": "m",
-    "y": "m",
-    "phi": "rad",
-    "beta": "rad",
-    "v": "m/s",
-    "sigma": "rad/s",
-}
-INPUTS = {
-    "u_drive": "V",
-    "u_steer": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-}
+STATE = {"x": "m", "y": "m", "phi": "rad", "beta": "rad", "v": "m/s", "sigma": "rad/s"}
+INPUTS = {"u_drive": "V", "u_steer": "V"}
+OUTPUTS = {"y1": "m", "y2": "m"}
 PARAMETERS = {
     "r": "m",
     "a": "m",
@@ -80,10 +67,7 @@ DEFAULTS = {
     "K1_s": 20.0,
     "K2_s": 30.0,
 }
-KNOWN = {
-    "a": "m",
-    "L": "m",
-}
+KNOWN = {"a": "m", "L": "m"}
 BASE_PARAMETERS = {
     "theta1": "V s/m",
     "theta2": "V m s^2",
@@ -122,15 +106,17 @@ _BLOCK = 2048  # states evaluated together: their terms stay in the processor's 
 
 
 def _function(**sizes):
-    """The function below, for arguments of shape (..., size) for each of `sizes`; large batches block by block."""
-    expected = list(sizes.items())
+    """The function below for real arguments of shape (..., size), large batches block by block."""
 
     def decorate(term):
         @functools.wraps(term)
         def evaluate(*arguments, **named):
-            if named or len(arguments) != len(expected):
-                arguments = _in_order(term.__name__, sizes, arguments, named)
-            arrays = [_vector(value, name, size) for value, (name, size) in zip(arguments, expected, strict=True)]
+            if named or len(arguments) != len(sizes):
+                given = dict(zip(sizes, arguments, strict=False)) | named
+                if given.keys() != sizes.keys() or len(arguments) + len(named) != len(sizes):
+                    raise TypeError(f"{term.__name__}() takes the arguments {', '.join(sizes)}")
+                arguments = [given[name] for name in sizes]
+            arrays = list(map(_vector, arguments, sizes, sizes.values()))
             batches = {array.shape[:-1] for array in arrays if array.ndim > 1}
             if not batches:
                 return term(*arrays)
@@ -139,33 +125,13 @@ def _function(**sizes):
                 arrays = [a if a.ndim == 1 else np.broadcast_to(a, (*min(batches), a.shape[-1])) for a in arrays]
             batch = batches.pop()
             count = math.prod(batch)
-            rows = [array if array.ndim < 3 else array.reshape(count, array.shape[-1]) for array in arrays]
-            return _in_blocks(term, rows, count, batch)
+            columns = [a.T if a.ndim < 3 else a.reshape(count, a.shape[-1]).T for a in arrays]
+            out = _in_blocks(term, columns, count)
+            return out if len(batch) == 1 else out.reshape(*batch, *out.shape[1:])
 
         return evaluate
 
     return decorate
-
-
-def _in_blocks(term, rows, count, batch):
-    """The term for vectors (size,) and batches (count, size), with the shape `batch` in front."""
-    if count <= _BLOCK:
-        out = _batches_in_front(term(*[row.T for row in rows]))
-    else:
-        out = None
-        for part in (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK)):
-            value = _batches_in_front(term(*[row if row.ndim == 1 else row[part].T for row in rows]))
-            out = np.empty((count, *value.shape[1:])) if out is None else out
-            out[part] = value
-    return out if len(batch) == 1 else out.reshape(*batch, *out.shape[1:])
-
-
-def _in_order(term, sizes, arguments, named):
-    """Positional and named arguments in the order of `sizes`."""
-    given = dict(zip(sizes, arguments, strict=False)) | named
-    if given.keys() != sizes.keys() or len(arguments) + len(named) != len(sizes):
-        raise TypeError(f"{term}() takes the arguments {', '.join(sizes)}")
-    return [given[name] for name in sizes]
 
 
 def _vector(value, name, size):
@@ -173,10 +139,21 @@ def _vector(value, name, size):
     value = np.asarray(value)
     if value.dtype.kind not in "fiub":
         raise ValueError(f"{name} is not an array of real numbers")
-    value = value.astype(float, copy=False)
     if value.shape[-1:] != (size,):
         raise ValueError(f"{name} has shape {value.shape}; expected (..., {size})")
-    return value
+    return value.astype(float, copy=False)
+
+
+def _in_blocks(term, columns, count):
+    """The term's values (states, ...) for vectors (size,) and batches (size, states)."""
+    if count <= _BLOCK:
+        return _batches_in_front(term(*columns))
+    out = None
+    for part in (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK)):
+        value = _batches_in_front(term(*[column if column.ndim == 1 else column[:, part] for column in columns]))
+        out = np.empty((count, *value.shape[1:])) if out is None else out
+        out[part] = value
+    return out
 
 
 def _batches_in_front(value):
@@ -184,22 +161,9 @@ def _batches_in_front(value):
     return value.T if value.ndim == 2 else value.transpose(2, 0, 1)
 
 
-def _states(arguments):
-    """How many states the arguments (size, states) hold, as a shape; () for single vectors."""
-    for argument in arguments:
-        if argument.ndim > 1:
-            return argument.shape[1:]
-    return ()
-
-
-def _empty(shape, *arguments):
-    """Room for entries of `shape`, each for all states of the arguments."""
-    return np.empty(shape + _states(arguments))
-
-
 def _zeros(shape, *arguments):
-    """The same, zero."""
-    return np.zeros(shape + _states(arguments))
+    """Zeros of `shape`, each for all states of the arguments."""
+    return np.zeros(shape + next((argument.shape[1:] for argument in arguments if argument.ndim > 1), ()))
 
 
 @_function(q=4, p=16)
@@ -210,43 +174,31 @@ def constraint_matrix(q, p):
     p: physical parameters, (16,)
     Returns: shape (m, n) = (2, 4); 10 operations.
     """
-    phi = q[2]
-    beta = q[3]
+    phi, beta = q[2], q[3]
     a = p[1]
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    cos_beta_phi = cos(beta + phi)
-    cos_beta = cos(beta)
     out = _zeros((2, 4), q, p)
-    out[0, 0] = -sin_phi
-    out[0, 1] = cos_phi
-    out[1, 0] = -sin_beta_phi
-    out[1, 1] = cos_beta_phi
-    out[1, 2] = a*cos_beta
+    out[0, 0] = -sin(phi)
+    out[0, 1] = cos(phi)
+    out[1, 0] = -sin(beta + phi)
+    out[1, 1] = cos(beta + phi)
+    out[1, 2] = a*cos(beta)
     return out
 
 
 @_function(q=4, p=16)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (4,)
     p: physical parameters, (16,)
     Returns: shape (n, n-m) = (4, 2); 6 operations.
     """
-    phi = q[2]
-    beta = q[3]
+    phi, beta = q[2], q[3]
     a = p[1]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
-    sin_beta = sin(beta)
-    cos_beta = cos(beta)
-    axle_turning_v = sin_beta/(a*cos_beta)
     out = _zeros((4, 2), q, p)
-    out[0, 0] = cos_phi
-    out[1, 0] = sin_phi
-    out[2, 0] = axle_turning_v
+    out[0, 0] = cos(phi)
+    out[1, 0] = sin(phi)
+    out[2, 0] = sin(beta)/(a*cos(beta))
     out[3, 1] = 1
     return out
 
@@ -257,7 +209,7 @@ def actuator_rates_matrix(q, p):
 
     q: generalized coordinates, (4,)
     p: physical parameters, (16,)
-    Returns: shape (n_u, n-m) = (2, 2); 1 operations.
+    Returns: shape (n_u, n-m) = (2, 2); 1 operation.
     """
     r = p[0]
     out = _zeros((2, 2), q, p)
@@ -275,17 +227,7 @@ def inertia_matrix(q, p):
     Returns: shape (n-m, n-m) = (2, 2); 28 operations.
     """
     beta = q[3]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_r = p[5]
-    m_f = p[6]
-    I = p[7]
-    I_r = p[8]
-    I_f = p[9]
-    J_r = p[10]
-    J_f = p[11]
+    r, a, d, m, m_r, m_f, I, I_r, I_f, J_r, J_f = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11]
     sin_beta = sin(beta)
     cos_beta = cos(beta)
     axle_turning_v = sin_beta/(a*cos_beta)
@@ -295,14 +237,12 @@ def inertia_matrix(q, p):
     mass_body = m + m_r
     inertia_body = I + I_r + d**2*m
     inertia_v_v = (
-            I_f*axle_turning_v_squared + J_f*front_rate_v**2 + J_r/r**2 + axle_forward_v**2*m_f
-            + axle_turning_v_squared*inertia_body + mass_body
-        )
-    term_2 = I_f*axle_turning_v
-    out = _empty((2, 2), q, p)
+        I_f*axle_turning_v_squared + J_f*front_rate_v**2 + J_r/r**2 + axle_forward_v**2*m_f
+        + axle_turning_v_squared*inertia_body + mass_body
+    )
+    out = _zeros((2, 2), q, p)
     out[0, 0] = inertia_v_v
-    out[0, 1] = term_2
-    out[1, 0] = term_2
+    out[0, 1] = out[1, 0] = I_f*axle_turning_v
     out[1, 1] = I_f
     return out
 
@@ -315,42 +255,30 @@ def coriolis_matrix(x, p):
     p: physical parameters, (16,)
     Returns: shape (n-m, n-m) = (2, 2); 48 operations.
     """
-    beta = x[3]
-    v = x[4]
-    sigma = x[5]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_f = p[6]
-    I = p[7]
-    I_r = p[8]
-    I_f = p[9]
-    J_f = p[11]
-    K2 = p[13]
-    K2_s = p[15]
+    beta, v, sigma = x[3], x[4], x[5]
+    r, a, d, m, m_f, I, I_r, I_f, J_f, K2, K2_s = p[0], p[1], p[2], p[4], p[6], p[7], p[8], p[9], p[11], p[13], p[15]
     sin_beta = sin(beta)
     cos_beta = cos(beta)
     a_inverse = 1/a
     axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
-    term_2 = I_f*axle_turning_v_dot
-    term_3 = d*m*v
+    I_f_times_axle_turning_v_dot = I_f*axle_turning_v_dot
+    term_1 = d*m*v
     axle_turning_v = a_inverse*sin_beta/cos_beta
-    term_4 = a*axle_turning_v
-    axle_forward_v = cos_beta + sin_beta*term_4
+    a_times_axle_turning_v = a*axle_turning_v
+    axle_forward_v = cos_beta + sin_beta*a_times_axle_turning_v
     r_inverse = 1/r
     front_rate_v = axle_forward_v*r_inverse
     inertia_body = I + I_r + d**2*m
-    axle_forward_v_dot = a*axle_turning_v_dot*sin_beta + sigma*(cos_beta*term_4 - sin_beta)
+    axle_forward_v_dot = a*axle_turning_v_dot*sin_beta + sigma*(cos_beta*a_times_axle_turning_v - sin_beta)
     front_rate_v_dot = axle_forward_v_dot*r_inverse
     coriolis_v_v = (
-            J_f*front_rate_v*front_rate_v_dot + K2/r**2 + axle_forward_v*axle_forward_v_dot*m_f
-            - axle_turning_v**2*term_3 + axle_turning_v*term_2
-            + axle_turning_v*(axle_turning_v*term_3 + axle_turning_v_dot*inertia_body)
-        )
+        J_f*front_rate_v*front_rate_v_dot + K2/r**2 + axle_forward_v*axle_forward_v_dot*m_f - axle_turning_v**2*term_1
+        + axle_turning_v*I_f_times_axle_turning_v_dot
+        + axle_turning_v*(axle_turning_v*term_1 + axle_turning_v_dot*inertia_body)
+    )
     out = _zeros((2, 2), x, p)
     out[0, 0] = coriolis_v_v
-    out[1, 0] = term_2
+    out[1, 0] = I_f_times_axle_turning_v_dot
     out[1, 1] = K2_s
     return out
 
@@ -361,11 +289,9 @@ def input_matrix(q, p):
 
     q: generalized coordinates, (4,)
     p: physical parameters, (16,)
-    Returns: shape (n-m, n_u) = (2, 2); 1 operations.
+    Returns: shape (n-m, n_u) = (2, 2); 1 operation.
     """
-    r = p[0]
-    K1 = p[12]
-    K1_s = p[14]
+    r, K1, K1_s = p[0], p[12], p[14]
     out = _zeros((2, 2), q, p)
     out[0, 0] = K1/r
     out[1, 1] = K1_s
@@ -382,78 +308,58 @@ def state_derivative(x, u, w, p):
     p: physical parameters, (16,)
     Returns: shape (2n-m,) = (6,); 90 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    sigma = x[5]
-    u_drive = u[0]
-    u_steer = u[1]
-    w_v = w[0]
-    w_sigma = w[1]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_r = p[5]
-    m_f = p[6]
-    I = p[7]
-    I_r = p[8]
-    I_f = p[9]
-    J_r = p[10]
-    J_f = p[11]
-    K1 = p[12]
-    K2 = p[13]
-    K1_s = p[14]
-    K2_s = p[15]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
+    phi, beta, v, sigma = x[2], x[3], x[4], x[5]
+    u_drive, u_steer = u[0], u[1]
+    w_v, w_sigma = w[0], w[1]
+    r, a, d, m, m_r, m_f, I, I_r, I_f, J_r, J_f, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
     sin_beta = sin(beta)
     cos_beta = cos(beta)
     a_inverse = 1/a
     axle_turning_v = a_inverse*sin_beta/cos_beta
-    term_2 = axle_turning_v*v
+    axle_turning_v_times_v = axle_turning_v*v
     axle_turning_v_squared = axle_turning_v**2
-    term_4 = 1/(r**2)
-    term_5 = a*axle_turning_v
-    axle_forward_v = cos_beta + sin_beta*term_5
+    r_squared_inverse = 1/(r**2)
+    a_times_axle_turning_v = a*axle_turning_v
+    axle_forward_v = cos_beta + sin_beta*a_times_axle_turning_v
     r_inverse = 1/r
     front_rate_v = axle_forward_v*r_inverse
     mass_body = m + m_r
     inertia_body = I + I_r + d**2*m
     inertia_v_v = (
-            I_f*axle_turning_v_squared + J_f*front_rate_v**2 + J_r*term_4 + axle_forward_v**2*m_f
-            + axle_turning_v_squared*inertia_body + mass_body
-        )
+        I_f*axle_turning_v_squared + J_f*front_rate_v**2 + J_r*r_squared_inverse + axle_forward_v**2*m_f
+        + axle_turning_v_squared*inertia_body + mass_body
+    )
     inertia_v_v_inverse = 1/inertia_v_v
-    term_8 = I_f*axle_turning_v
-    ratio_sigma_v = inertia_v_v_inverse*term_8
-    term_9 = d*m
+    I_f_times_axle_turning_v = I_f*axle_turning_v
+    ratio_sigma_v = inertia_v_v_inverse*I_f_times_axle_turning_v
+    d_times_m = d*m
     axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
-    axle_forward_v_dot = a*axle_turning_v_dot*sin_beta + sigma*(cos_beta*term_5 - sin_beta)
+    axle_forward_v_dot = a*axle_turning_v_dot*sin_beta + sigma*(cos_beta*a_times_axle_turning_v - sin_beta)
     front_rate_v_dot = axle_forward_v_dot*r_inverse
     coriolis_v_v = (
-            J_f*front_rate_v*front_rate_v_dot + K2*term_4 + axle_forward_v*axle_forward_v_dot*m_f
-            + axle_turning_v*(axle_turning_v_dot*inertia_body + term_2*term_9) + axle_turning_v_dot*term_8
-            - axle_turning_v_squared*term_9*v
-        )
+        J_f*front_rate_v*front_rate_v_dot + K2*r_squared_inverse + axle_forward_v*axle_forward_v_dot*m_f
+        + axle_turning_v*(axle_turning_v_dot*inertia_body + axle_turning_v_times_v*d_times_m)
+        + axle_turning_v_dot*I_f_times_axle_turning_v - axle_turning_v_squared*d_times_m*v
+    )
     force_v = K1*r_inverse*u_drive - coriolis_v_v*v - w_v
     pivot_sigma = I_f - inertia_v_v*ratio_sigma_v**2
     force_sigma = -I_f*axle_turning_v_dot*v + K1_s*u_steer - K2_s*sigma - force_v*ratio_sigma_v - w_sigma
     sigma_dot = force_sigma/pivot_sigma
-    v_dot = force_v*inertia_v_v_inverse - ratio_sigma_v*sigma_dot
-    out = _empty((6,), x, u, w, p)
-    out[0] = cos_phi*v
-    out[1] = sin_phi*v
-    out[2] = term_2
+    out = _zeros((6,), x, u, w, p)
+    out[0] = cos(phi)*v
+    out[1] = sin(phi)*v
+    out[2] = axle_turning_v_times_v
     out[3] = sigma
-    out[4] = v_dot
+    out[4] = force_v*inertia_v_v_inverse - ratio_sigma_v*sigma_dot
     out[5] = sigma_dot
     return out
 
 
 @_function(x=6, u=2, w=2, p=16)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (6,)
     u: motor voltages, (2,)
@@ -461,112 +367,94 @@ def state_jacobian(x, u, w, p):
     p: physical parameters, (16,)
     Returns: shape (2n-m, 2n-m) = (6, 6); 190 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    sigma = x[5]
-    u_drive = u[0]
-    u_steer = u[1]
-    w_v = w[0]
-    w_sigma = w[1]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_r = p[5]
-    m_f = p[6]
-    I = p[7]
-    I_r = p[8]
-    I_f = p[9]
-    J_r = p[10]
-    J_f = p[11]
-    K1 = p[12]
-    K2 = p[13]
-    K1_s = p[14]
-    K2_s = p[15]
+    phi, beta, v, sigma = x[2], x[3], x[4], x[5]
+    u_drive, u_steer = u[0], u[1]
+    w_v, w_sigma = w[0], w[1]
+    r, a, d, m, m_r, m_f, I, I_r, I_f, J_r, J_f, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     sin_beta = sin(beta)
     cos_beta = cos(beta)
     a_inverse = 1/a
     axle_turning_v_by_beta = a_inverse + a_inverse*sin_beta**2/cos_beta**2
-    term_2 = axle_turning_v_by_beta*v
+    axle_turning_v_by_beta_times_v = axle_turning_v_by_beta*v
     axle_turning_v = a_inverse*sin_beta/cos_beta
     axle_turning_v_squared = axle_turning_v**2
-    term_4 = 1/(r**2)
-    term_5 = a*axle_turning_v
-    axle_forward_v = cos_beta + sin_beta*term_5
+    r_squared_inverse = 1/(r**2)
+    a_times_axle_turning_v = a*axle_turning_v
+    axle_forward_v = cos_beta + sin_beta*a_times_axle_turning_v
     r_inverse = 1/r
     front_rate_v = axle_forward_v*r_inverse
     mass_body = m + m_r
     inertia_body = I + I_r + d**2*m
     inertia_v_v = (
-            I_f*axle_turning_v_squared + J_f*front_rate_v**2 + J_r*term_4 + axle_forward_v**2*m_f
-            + axle_turning_v_squared*inertia_body + mass_body
-        )
+        I_f*axle_turning_v_squared + J_f*front_rate_v**2 + J_r*r_squared_inverse + axle_forward_v**2*m_f
+        + axle_turning_v_squared*inertia_body + mass_body
+    )
     inertia_v_v_inverse = 1/inertia_v_v
-    term_8 = I_f*axle_turning_v
-    term_9 = axle_turning_v*inertia_body
-    term_10 = J_f*front_rate_v
-    term_11 = a*sin_beta
-    term_12 = cos_beta*term_5 - sin_beta
-    axle_forward_v_by_beta = axle_turning_v_by_beta*term_11 + term_12
+    I_f_times_axle_turning_v = I_f*axle_turning_v
+    term_1 = axle_turning_v*inertia_body
+    J_f_times_front_rate_v = J_f*front_rate_v
+    a_times_sin_beta = a*sin_beta
+    term_2 = cos_beta*a_times_axle_turning_v - sin_beta
+    axle_forward_v_by_beta = axle_turning_v_by_beta*a_times_sin_beta + term_2
     front_rate_v_by_beta = axle_forward_v_by_beta*r_inverse
-    term_13 = front_rate_v_by_beta*term_10
-    term_14 = axle_forward_v*m_f
-    term_15 = axle_forward_v_by_beta*term_14
-    inertia_v_v_by_beta = axle_turning_v_by_beta*(2*term_8 + 2*term_9) + 2*term_13 + 2*term_15
-    term_16 = inertia_v_v_by_beta/inertia_v_v**2
-    ratio_sigma_v = inertia_v_v_inverse*term_8
+    term_3 = front_rate_v_by_beta*J_f_times_front_rate_v
+    axle_forward_v_times_m_f = axle_forward_v*m_f
+    term_4 = axle_forward_v_by_beta*axle_forward_v_times_m_f
+    inertia_v_v_by_beta = axle_turning_v_by_beta*(2*I_f_times_axle_turning_v + 2*term_1) + 2*term_3 + 2*term_4
+    term_5 = inertia_v_v_by_beta/inertia_v_v**2
+    ratio_sigma_v = inertia_v_v_inverse*I_f_times_axle_turning_v
     axle_turning_v_dot = axle_turning_v_by_beta*sigma
-    term_17 = I_f*axle_turning_v_dot
-    term_18 = d*m*v
-    term_19 = axle_turning_v_dot*inertia_body
-    axle_forward_v_dot = axle_turning_v_dot*term_11 + sigma*term_12
+    I_f_times_axle_turning_v_dot = I_f*axle_turning_v_dot
+    term_6 = d*m*v
+    term_7 = axle_turning_v_dot*inertia_body
+    axle_forward_v_dot = axle_turning_v_dot*a_times_sin_beta + sigma*term_2
     front_rate_v_dot = axle_forward_v_dot*r_inverse
     coriolis_v_v = (
-            K2*term_4 + axle_forward_v_dot*term_14 + axle_turning_v*term_17
-            + axle_turning_v*(axle_turning_v*term_18 + term_19) - axle_turning_v_squared*term_18
-            + front_rate_v_dot*term_10
-        )
+        K2*r_squared_inverse + axle_forward_v_dot*axle_forward_v_times_m_f + axle_turning_v*I_f_times_axle_turning_v_dot
+        + axle_turning_v*(axle_turning_v*term_6 + term_7) - axle_turning_v_squared*term_6
+        + front_rate_v_dot*J_f_times_front_rate_v
+    )
     force_v = K1*r_inverse*u_drive - coriolis_v_v*v - w_v
     ratio_sigma_v_squared = ratio_sigma_v**2
     pivot_sigma = I_f - inertia_v_v*ratio_sigma_v_squared
     pivot_sigma_inverse = 1/pivot_sigma
-    force_sigma = K1_s*u_steer - K2_s*sigma - force_v*ratio_sigma_v - term_17*v - w_sigma
+    force_sigma = K1_s*u_steer - K2_s*sigma - force_v*ratio_sigma_v - I_f_times_axle_turning_v_dot*v - w_sigma
     sigma_dot = force_sigma*pivot_sigma_inverse
-    term_22 = term_8 + term_9
+    term_8 = I_f_times_axle_turning_v + term_1
     axle_turning_v_dot_by_beta = (
-            sigma*(2*a_inverse*(sin_beta*sin_beta*sin_beta)/(cos_beta*cos_beta*cos_beta) + 2*axle_turning_v)
-        )
-    term_23 = a*cos_beta
+        sigma*(2*a_inverse*(sin_beta*sin_beta*sin_beta)/(cos_beta*cos_beta*cos_beta) + 2*axle_turning_v)
+    )
+    a_times_cos_beta = a*cos_beta
     axle_forward_v_dot_by_beta = (
-            -axle_forward_v*sigma + axle_turning_v_by_beta*sigma*term_23 + axle_turning_v_dot*term_23
-            + axle_turning_v_dot_by_beta*term_11
-        )
+        -axle_forward_v*sigma + axle_turning_v_by_beta*sigma*a_times_cos_beta + axle_turning_v_dot*a_times_cos_beta
+        + axle_turning_v_dot_by_beta*a_times_sin_beta
+    )
     front_rate_v_dot_by_beta = axle_forward_v_dot_by_beta*r_inverse
     coriolis_v_v_by_beta = (
-            J_f*front_rate_v_by_beta*front_rate_v_dot + axle_forward_v_by_beta*axle_forward_v_dot*m_f
-            + axle_forward_v_dot_by_beta*term_14 + axle_turning_v_by_beta*(term_17 + term_19)
-            + axle_turning_v_dot_by_beta*term_22 + front_rate_v_dot_by_beta*term_10
-        )
-    ratio_sigma_v_by_beta = I_f*axle_turning_v_by_beta*inertia_v_v_inverse - term_16*term_8
+        J_f*front_rate_v_by_beta*front_rate_v_dot + axle_forward_v_by_beta*axle_forward_v_dot*m_f
+        + axle_forward_v_dot_by_beta*axle_forward_v_times_m_f
+        + axle_turning_v_by_beta*(I_f_times_axle_turning_v_dot + term_7) + axle_turning_v_dot_by_beta*term_8
+        + front_rate_v_dot_by_beta*J_f_times_front_rate_v
+    )
+    ratio_sigma_v_by_beta = I_f*axle_turning_v_by_beta*inertia_v_v_inverse - term_5*I_f_times_axle_turning_v
     force_sigma_by_beta = (
-            -I_f*axle_turning_v_dot_by_beta*v + coriolis_v_v_by_beta*ratio_sigma_v*v - force_v*ratio_sigma_v_by_beta
-        )
-    pivot_sigma_by_beta = (
-            -2*inertia_v_v*ratio_sigma_v*ratio_sigma_v_by_beta - inertia_v_v_by_beta*ratio_sigma_v_squared
-        )
+        -I_f*axle_turning_v_dot_by_beta*v + coriolis_v_v_by_beta*ratio_sigma_v*v - force_v*ratio_sigma_v_by_beta
+    )
+    pivot_sigma_by_beta = -2*inertia_v_v*ratio_sigma_v*ratio_sigma_v_by_beta - inertia_v_v_by_beta*ratio_sigma_v_squared
     sigma_dot_by_beta = -force_sigma*pivot_sigma_by_beta/pivot_sigma**2 + force_sigma_by_beta*pivot_sigma_inverse
     v_dot_by_beta = (
-            -coriolis_v_v_by_beta*inertia_v_v_inverse*v - force_v*term_16 - ratio_sigma_v*sigma_dot_by_beta
-            - ratio_sigma_v_by_beta*sigma_dot
-        )
-    force_sigma_by_v = coriolis_v_v*ratio_sigma_v - term_17
+        -coriolis_v_v_by_beta*inertia_v_v_inverse*v - force_v*term_5 - ratio_sigma_v*sigma_dot_by_beta
+        - ratio_sigma_v_by_beta*sigma_dot
+    )
+    force_sigma_by_v = coriolis_v_v*ratio_sigma_v - I_f_times_axle_turning_v_dot
     sigma_dot_by_v = force_sigma_by_v*pivot_sigma_inverse
     v_dot_by_v = -coriolis_v_v*inertia_v_v_inverse - ratio_sigma_v*sigma_dot_by_v
-    coriolis_v_v_by_sigma = axle_turning_v_by_beta*term_22 + term_13 + term_15
-    force_sigma_by_sigma = -I_f*term_2 - K2_s + coriolis_v_v_by_sigma*ratio_sigma_v*v
+    coriolis_v_v_by_sigma = axle_turning_v_by_beta*term_8 + term_3 + term_4
+    force_sigma_by_sigma = -I_f*axle_turning_v_by_beta_times_v - K2_s + coriolis_v_v_by_sigma*ratio_sigma_v*v
     sigma_dot_by_sigma = force_sigma_by_sigma*pivot_sigma_inverse
     v_dot_by_sigma = -coriolis_v_v_by_sigma*inertia_v_v_inverse*v - ratio_sigma_v*sigma_dot_by_sigma
     out = _zeros((6, 6), x, u, w, p)
@@ -574,7 +462,7 @@ def state_jacobian(x, u, w, p):
     out[0, 4] = cos_phi
     out[1, 2] = cos_phi*v
     out[1, 4] = sin_phi
-    out[2, 3] = term_2
+    out[2, 3] = axle_turning_v_by_beta_times_v
     out[2, 4] = axle_turning_v
     out[3, 5] = 1
     out[4, 3] = v_dot_by_beta
@@ -588,7 +476,7 @@ def state_jacobian(x, u, w, p):
 
 @_function(x=6, u=2, w=2, p=16)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (6,)
     u: motor voltages, (2,)
@@ -597,19 +485,9 @@ def input_jacobian(x, u, w, p):
     Returns: shape (2n-m, n_u) = (6, 2); 45 operations.
     """
     beta = x[3]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_r = p[5]
-    m_f = p[6]
-    I = p[7]
-    I_r = p[8]
-    I_f = p[9]
-    J_r = p[10]
-    J_f = p[11]
-    K1 = p[12]
-    K1_s = p[14]
+    r, a, d, m, m_r, m_f, I, I_r, I_f, J_r, J_f, K1, K1_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[14]
+    )
     sin_beta = sin(beta)
     cos_beta = cos(beta)
     axle_turning_v = sin_beta/(a*cos_beta)
@@ -620,9 +498,9 @@ def input_jacobian(x, u, w, p):
     mass_body = m + m_r
     inertia_body = I + I_r + d**2*m
     inertia_v_v = (
-            I_f*axle_turning_v_squared + J_f*front_rate_v**2 + J_r/r**2 + axle_forward_v**2*m_f
-            + axle_turning_v_squared*inertia_body + mass_body
-        )
+        I_f*axle_turning_v_squared + J_f*front_rate_v**2 + J_r/r**2 + axle_forward_v**2*m_f
+        + axle_turning_v_squared*inertia_body + mass_body
+    )
     inertia_v_v_inverse = 1/inertia_v_v
     ratio_sigma_v = I_f*axle_turning_v*inertia_v_v_inverse
     force_v_by_u_drive = K1*r_inverse
@@ -641,40 +519,28 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=16)
 def base_parameters(p):
-    """theta(p), inverse form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (16,)
     Returns: shape (n_theta,) = (6,); 27 operations.
     """
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_r = p[5]
-    m_f = p[6]
-    I = p[7]
-    I_r = p[8]
-    I_f = p[9]
-    J_r = p[10]
-    J_f = p[11]
-    K1 = p[12]
-    K2 = p[13]
-    K1_s = p[14]
-    K2_s = p[15]
+    r, a, d, m, m_r, m_f, I, I_r, I_f, J_r, J_f, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse*r
-    term_3 = 1/(r**2)
-    term_4 = term_2*(J_f*term_3 + m_f)
+    r_over_K1 = K1_inverse*r
+    r_squared_inverse = 1/(r**2)
+    term_1 = r_over_K1*(J_f*r_squared_inverse + m_f)
     inertia_body = I + I_r + d**2*m
     K1_s_inverse = 1/K1_s
     mass_body = m + m_r
-    out = _empty((6,), p)
+    out = _zeros((6,), p)
     out[0] = K1_inverse*K2/r
-    out[1] = a**2*term_4 + term_2*(I_f + inertia_body)
+    out[1] = a**2*term_1 + r_over_K1*(I_f + inertia_body)
     out[2] = K1_s_inverse*K2_s
     out[3] = I_f*K1_s_inverse
-    out[4] = term_2*(J_r*term_3 + mass_body) + term_4
-    out[5] = I_f*term_2
+    out[4] = r_over_K1*(J_r*r_squared_inverse + mass_body) + term_1
+    out[5] = I_f*r_over_K1
     return out
 
 
@@ -686,19 +552,11 @@ def output(q, c):
     c: known constants, (2,)
     Returns: shape (n-m,) = (2,); 14 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
-    beta = q[3]
-    a = c[0]
-    L = c[1]
-    cos_phi = cos(phi)
-    cos_beta_phi = cos(beta + phi)
-    sin_phi = sin(phi)
-    sin_beta_phi = sin(beta + phi)
-    out = _empty((2,), q, c)
-    out[0] = L*cos_beta_phi + a*cos_phi + x
-    out[1] = L*sin_beta_phi + a*sin_phi + y
+    x, y, phi, beta = q[0], q[1], q[2], q[3]
+    a, L = c[0], c[1]
+    out = _zeros((2,), q, c)
+    out[0] = L*cos(beta + phi) + a*cos(phi) + x
+    out[1] = L*sin(beta + phi) + a*sin(phi) + y
     return out
 
 
@@ -710,22 +568,15 @@ def output_jacobian(q, c):
     c: known constants, (2,)
     Returns: shape (n-m, n) = (2, 4); 14 operations.
     """
-    phi = q[2]
-    beta = q[3]
-    a = c[0]
-    L = c[1]
-    sin_phi = sin(phi)
-    sin_beta_phi = sin(beta + phi)
-    term_1 = L*sin_beta_phi
-    cos_phi = cos(phi)
-    cos_beta_phi = cos(beta + phi)
-    term_2 = L*cos_beta_phi
+    phi, beta = q[2], q[3]
+    a, L = c[0], c[1]
+    term_1 = L*sin(beta + phi)
+    term_2 = L*cos(beta + phi)
     out = _zeros((2, 4), q, c)
-    out[0, 0] = 1
-    out[0, 2] = -a*sin_phi - term_1
+    out[0, 0] = out[1, 1] = 1
+    out[0, 2] = -a*sin(phi) - term_1
     out[0, 3] = -term_1
-    out[1, 1] = 1
-    out[1, 2] = a*cos_phi + term_2
+    out[1, 2] = a*cos(phi) + term_2
     out[1, 3] = term_2
     return out
 
@@ -736,27 +587,18 @@ def output_rate(x, c):
 
     x: state [q; v], (6,)
     c: known constants, (2,)
-    Returns: shape (n-m,) = (2,); 28 operations.
+    Returns: shape (n-m,) = (2,); 27 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    sigma = x[5]
-    a = c[0]
-    L = c[1]
+    phi, beta, v, sigma = x[2], x[3], x[4], x[5]
+    a, L = c[0], c[1]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    term_1 = L*sin_beta_phi
-    sin_beta = sin(beta)
-    cos_beta = cos(beta)
-    axle_turning_v = sin_beta/(a*cos_beta)
-    y1_dot_v = axle_turning_v*(-a*sin_phi - term_1) + cos_phi
-    y1_dot_sigma = -term_1
-    cos_beta_phi = cos(beta + phi)
-    y2_dot_sigma = L*cos_beta_phi
+    y1_dot_sigma = -L*sin(beta + phi)
+    axle_turning_v = sin(beta)/(a*cos(beta))
+    y1_dot_v = axle_turning_v*(-a*sin_phi + y1_dot_sigma) + cos_phi
+    y2_dot_sigma = L*cos(beta + phi)
     y2_dot_v = axle_turning_v*(a*cos_phi + y2_dot_sigma) + sin_phi
-    out = _empty((2,), x, c)
+    out = _zeros((2,), x, c)
     out[0] = sigma*y1_dot_sigma + v*y1_dot_v
     out[1] = sigma*y2_dot_sigma + v*y2_dot_v
     return out
@@ -764,24 +606,18 @@ def output_rate(x, c):
 
 @_function(x=6, c=2)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (6,)
     c: known constants, (2,)
     Returns: shape (n-m,) = (2,); 54 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    sigma = x[5]
-    a = c[0]
-    L = c[1]
+    phi, beta, v, sigma = x[2], x[3], x[4], x[5]
+    a, L = c[0], c[1]
     sin_phi = sin(phi)
-    cos_beta_phi = cos(beta + phi)
-    term_1 = L*cos_beta_phi
+    term_1 = L*cos(beta + phi)
     term_2 = sigma*term_1
-    sin_beta_phi = sin(beta + phi)
-    term_3 = L*sin_beta_phi
+    term_3 = L*sin(beta + phi)
     term_4 = -a*sin_phi - term_3
     cos_phi = cos(phi)
     term_5 = a*cos_phi + term_1
@@ -789,14 +625,18 @@ def lie_f2_h(x, c):
     cos_beta = cos(beta)
     a_inverse = 1/a
     axle_turning_v = a_inverse*sin_beta/cos_beta
-    term_7 = axle_turning_v*v
+    axle_turning_v_times_v = axle_turning_v*v
     axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
-    y1_dot_v_dot = -axle_turning_v*term_2 + axle_turning_v_dot*term_4 + term_7*(-axle_turning_v*term_5 - sin_phi)
-    y1_dot_sigma_dot = -term_1*term_7 - term_2
-    term_8 = sigma*term_3
-    y2_dot_v_dot = -axle_turning_v*term_8 + axle_turning_v_dot*term_5 + term_7*(axle_turning_v*term_4 + cos_phi)
-    y2_dot_sigma_dot = -term_3*term_7 - term_8
-    out = _empty((2,), x, c)
+    y1_dot_v_dot = (
+        -axle_turning_v*term_2 + axle_turning_v_dot*term_4 + axle_turning_v_times_v*(-axle_turning_v*term_5 - sin_phi)
+    )
+    y1_dot_sigma_dot = -term_1*axle_turning_v_times_v - term_2
+    term_6 = sigma*term_3
+    y2_dot_v_dot = (
+        -axle_turning_v*term_6 + axle_turning_v_dot*term_5 + axle_turning_v_times_v*(axle_turning_v*term_4 + cos_phi)
+    )
+    y2_dot_sigma_dot = -term_3*axle_turning_v_times_v - term_6
+    out = _zeros((2,), x, c)
     out[0] = sigma*y1_dot_sigma_dot + v*y1_dot_v_dot
     out[1] = sigma*y2_dot_sigma_dot + v*y2_dot_v_dot
     return out
@@ -804,25 +644,16 @@ def lie_f2_h(x, c):
 
 @_function(x=6, theta=6, c=2)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (6,)
     theta: base parameters, (6,)
     c: known constants, (2,)
-    Returns: shape (n-m,) = (2,); 60 operations.
+    Returns: shape (n-m,) = (2,); 59 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    sigma = x[5]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    a = c[0]
-    L = c[1]
+    phi, beta, v, sigma = x[2], x[3], x[4], x[5]
+    theta1, theta2, theta3, theta4, theta5, theta6 = theta[0], theta[1], theta[2], theta[3], theta[4], theta[5]
+    a, L = c[0], c[1]
     sin_beta = sin(beta)
     cos_beta = cos(beta)
     a_inverse = 1/a
@@ -832,25 +663,22 @@ def lie_q_lie_f_h(x, theta, c):
     effort_determinant = -axle_turning_v_squared*theta4*theta6 + theta4*u_drive_per_v
     effort_determinant_inverse = 1/effort_determinant
     axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
-    term_4 = axle_turning_v_dot*v
-    u_steer_hold = sigma*theta3 + term_4*theta4
-    term_5 = effort_determinant_inverse*u_steer_hold
-    u_drive_hold = axle_turning_v*term_4*theta2 + theta1*v
-    term_6 = effort_determinant_inverse*theta4*u_drive_hold
-    term_7 = axle_turning_v*term_6 - term_5*u_drive_per_v
-    term_8 = axle_turning_v*term_5*theta6 - term_6
+    axle_turning_v_dot_times_v = axle_turning_v_dot*v
+    u_steer_hold = sigma*theta3 + axle_turning_v_dot_times_v*theta4
+    term_1 = effort_determinant_inverse*u_steer_hold
+    u_drive_hold = axle_turning_v*axle_turning_v_dot_times_v*theta2 + theta1*v
+    term_2 = effort_determinant_inverse*theta4*u_drive_hold
+    term_3 = axle_turning_v*term_2 - term_1*u_drive_per_v
+    term_4 = axle_turning_v*term_1*theta6 - term_2
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    term_9 = L*sin_beta_phi
-    y1_dot_v = axle_turning_v*(-a*sin_phi - term_9) + cos_phi
-    y1_dot_sigma = -term_9
-    cos_beta_phi = cos(beta + phi)
-    y2_dot_sigma = L*cos_beta_phi
+    y1_dot_sigma = -L*sin(beta + phi)
+    y1_dot_v = axle_turning_v*(-a*sin_phi + y1_dot_sigma) + cos_phi
+    y2_dot_sigma = L*cos(beta + phi)
     y2_dot_v = axle_turning_v*(a*cos_phi + y2_dot_sigma) + sin_phi
-    out = _empty((2,), x, theta, c)
-    out[0] = term_7*y1_dot_sigma + term_8*y1_dot_v
-    out[1] = term_7*y2_dot_sigma + term_8*y2_dot_v
+    out = _zeros((2,), x, theta, c)
+    out[0] = term_3*y1_dot_sigma + term_4*y1_dot_v
+    out[1] = term_3*y2_dot_sigma + term_4*y2_dot_v
     return out
 
 
@@ -861,39 +689,29 @@ def decoupling_matrix(x, theta, c):
     x: state [q; v], (6,)
     theta: base parameters, (6,)
     c: known constants, (2,)
-    Returns: shape (n-m, n_u) = (2, 2); 50 operations.
+    Returns: shape (n-m, n_u) = (2, 2); 49 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    theta2 = theta[1]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    a = c[0]
-    L = c[1]
-    sin_beta = sin(beta)
-    cos_beta = cos(beta)
-    axle_turning_v = sin_beta/(a*cos_beta)
+    phi, beta = x[2], x[3]
+    theta2, theta4, theta5, theta6 = theta[1], theta[3], theta[4], theta[5]
+    a, L = c[0], c[1]
+    axle_turning_v = sin(beta)/(a*cos(beta))
     axle_turning_v_squared = axle_turning_v**2
     u_drive_per_v = axle_turning_v_squared*theta2 + theta5
     effort_determinant = -axle_turning_v_squared*theta4*theta6 + theta4*u_drive_per_v
     effort_determinant_inverse = 1/effort_determinant
-    term_3 = axle_turning_v*effort_determinant_inverse*theta4
+    term_1 = axle_turning_v*effort_determinant_inverse*theta4
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    term_4 = L*sin_beta_phi
-    y1_dot_v = axle_turning_v*(-a*sin_phi - term_4) + cos_phi
-    y1_dot_sigma = -term_4
-    term_5 = axle_turning_v*effort_determinant_inverse*theta6
-    cos_beta_phi = cos(beta + phi)
-    y2_dot_sigma = L*cos_beta_phi
+    y1_dot_sigma = -L*sin(beta + phi)
+    y1_dot_v = axle_turning_v*(-a*sin_phi + y1_dot_sigma) + cos_phi
+    term_2 = axle_turning_v*effort_determinant_inverse*theta6
+    y2_dot_sigma = L*cos(beta + phi)
     y2_dot_v = axle_turning_v*(a*cos_phi + y2_dot_sigma) + sin_phi
-    out = _empty((2, 2), x, theta, c)
-    out[0, 0] = effort_determinant_inverse*theta4*y1_dot_v - term_3*y1_dot_sigma
-    out[0, 1] = effort_determinant_inverse*u_drive_per_v*y1_dot_sigma - term_5*y1_dot_v
-    out[1, 0] = effort_determinant_inverse*theta4*y2_dot_v - term_3*y2_dot_sigma
-    out[1, 1] = effort_determinant_inverse*u_drive_per_v*y2_dot_sigma - term_5*y2_dot_v
+    out = _zeros((2, 2), x, theta, c)
+    out[0, 0] = effort_determinant_inverse*theta4*y1_dot_v - term_1*y1_dot_sigma
+    out[0, 1] = effort_determinant_inverse*u_drive_per_v*y1_dot_sigma - term_2*y1_dot_v
+    out[1, 0] = effort_determinant_inverse*theta4*y2_dot_v - term_1*y2_dot_sigma
+    out[1, 1] = effort_determinant_inverse*u_drive_per_v*y2_dot_sigma - term_2*y2_dot_v
     return out
 
 
@@ -906,25 +724,22 @@ def inverse_regressor(x, a, c):
     c: known constants, (2,)
     Returns: shape (n_u, n_pi) = (2, 6); 20 operations.
     """
-    beta = x[3]
-    v = x[4]
-    sigma = x[5]
-    a_v = a[0]
-    a_sigma = a[1]
+    beta, v, sigma = x[3], x[4], x[5]
+    a_v, a_sigma = a[0], a[1]
     a_ = c[0]
     sin_beta = sin(beta)
     cos_beta = cos(beta)
     a_inverse = 1/a_
     axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
-    term_2 = axle_turning_v_dot*v
+    axle_turning_v_dot_times_v = axle_turning_v_dot*v
     axle_turning_v = a_inverse*sin_beta/cos_beta
     out = _zeros((2, 6), x, a, c)
     out[0, 0] = v
-    out[0, 1] = a_v*axle_turning_v**2 + axle_turning_v*term_2
+    out[0, 1] = a_v*axle_turning_v**2 + axle_turning_v*axle_turning_v_dot_times_v
     out[0, 4] = a_v
     out[0, 5] = a_sigma*axle_turning_v
     out[1, 2] = sigma
-    out[1, 3] = a_sigma + a_v*axle_turning_v + term_2
+    out[1, 3] = a_sigma + a_v*axle_turning_v + axle_turning_v_dot_times_v
     return out
 
 
@@ -935,33 +750,21 @@ def inverse_base_parameters(p):
     p: physical parameters, (16,)
     Returns: shape (n_pi,) = (6,); 27 operations.
     """
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_r = p[5]
-    m_f = p[6]
-    I = p[7]
-    I_r = p[8]
-    I_f = p[9]
-    J_r = p[10]
-    J_f = p[11]
-    K1 = p[12]
-    K2 = p[13]
-    K1_s = p[14]
-    K2_s = p[15]
+    r, a, d, m, m_r, m_f, I, I_r, I_f, J_r, J_f, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse*r
-    term_3 = 1/(r**2)
-    term_4 = term_2*(J_f*term_3 + m_f)
+    r_over_K1 = K1_inverse*r
+    r_squared_inverse = 1/(r**2)
+    term_1 = r_over_K1*(J_f*r_squared_inverse + m_f)
     inertia_body = I + I_r + d**2*m
     K1_s_inverse = 1/K1_s
     mass_body = m + m_r
-    out = _empty((6,), p)
+    out = _zeros((6,), p)
     out[0] = K1_inverse*K2/r
-    out[1] = a**2*term_4 + term_2*(I_f + inertia_body)
+    out[1] = a**2*term_1 + r_over_K1*(I_f + inertia_body)
     out[2] = K1_s_inverse*K2_s
     out[3] = I_f*K1_s_inverse
-    out[4] = term_2*(J_r*term_3 + mass_body) + term_4
-    out[5] = I_f*term_2
+    out[4] = r_over_K1*(J_r*r_squared_inverse + mass_body) + term_1
+    out[5] = I_f*r_over_K1
     return out

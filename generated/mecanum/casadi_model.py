@@ -34,17 +34,8 @@ STATE = {
     "platform_lateral": "m/s",
     "platform_turning": "rad/s",
 }
-INPUTS = {
-    "u_fl": "V",
-    "u_fr": "V",
-    "u_rl": "V",
-    "u_rr": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-    "y3": "rad",
-}
+INPUTS = {"u_fl": "V", "u_fr": "V", "u_rl": "V", "u_rr": "V"}
+OUTPUTS = {"y1": "m", "y2": "m", "y3": "rad"}
 PARAMETERS = {
     "r": "m",
     "a": "m",
@@ -153,9 +144,6 @@ def _zeros(shape, *arguments):
     return SX.zeros(*shape)
 
 
-_empty = _zeros
-
-
 @_function(q=3, p=11)
 def constraint_matrix(q, p):
     """A(q): A(q) q' = 0; equation (2).
@@ -164,26 +152,24 @@ def constraint_matrix(q, p):
     p: physical parameters, (11,)
     Returns: shape (m, n) = (0, 3); 0 operations.
     """
-    out = _empty((0, 3), q, p)
+    out = _zeros((0, 3), q, p)
     return out
 
 
 @_function(q=3, p=11)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (3,)
     p: physical parameters, (11,)
     Returns: shape (n, n-m) = (3, 3); 3 operations.
     """
     phi = q[2]
-    cos_phi = cos(phi)
     sin_phi = sin(phi)
     out = _zeros((3, 3), q, p)
-    out[0, 0] = cos_phi
+    out[0, 0] = out[1, 1] = cos(phi)
     out[0, 1] = -sin_phi
     out[1, 0] = sin_phi
-    out[1, 1] = cos_phi
     out[2, 2] = 1
     return out
 
@@ -196,30 +182,17 @@ def actuator_rates_matrix(q, p):
     p: physical parameters, (11,)
     Returns: shape (n_u, n-m) = (4, 3); 12 operations.
     """
-    r = p[0]
-    a = p[1]
-    b = p[2]
+    r, a, b = p[0], p[1], p[2]
     r_inverse = 1/r
-    term_2 = -r_inverse
-    term_3 = sqrt(2)
-    term_4 = term_3/2
-    term_5 = a*term_4 + b*term_4
-    term_6 = r_inverse*term_3
-    term_7 = -term_5*term_6
-    term_8 = term_5*term_6
-    out = _empty((4, 3), q, p)
-    out[0, 0] = r_inverse
-    out[0, 1] = term_2
-    out[0, 2] = term_7
-    out[1, 0] = r_inverse
-    out[1, 1] = r_inverse
-    out[1, 2] = term_8
-    out[2, 0] = r_inverse
-    out[2, 1] = r_inverse
-    out[2, 2] = term_7
-    out[3, 0] = r_inverse
-    out[3, 1] = term_2
-    out[3, 2] = term_8
+    term_1 = sqrt(2)
+    term_2 = term_1/2
+    term_3 = a*term_2 + b*term_2
+    term_4 = r_inverse*term_1
+    out = _zeros((4, 3), q, p)
+    out[0, 0] = out[1, 0] = out[1, 1] = out[2, 0] = out[2, 1] = out[3, 0] = r_inverse
+    out[0, 1] = out[3, 1] = -r_inverse
+    out[0, 2] = out[2, 2] = -term_3*term_4
+    out[1, 2] = out[3, 2] = term_3*term_4
     return out
 
 
@@ -231,30 +204,17 @@ def inertia_matrix(q, p):
     p: physical parameters, (11,)
     Returns: shape (n-m, n-m) = (3, 3); 27 operations.
     """
-    r = p[0]
-    a = p[1]
-    b = p[2]
-    d = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
+    r, a, b, d, m, m_w, I, I_w, J = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8]
     term_1 = 4*J/r**2
     term_2 = 4*m_w
     mass_platform = m + term_2
-    inertia_platform_forward_platform_forward = mass_platform + term_1
-    term_3 = d*m
-    term_4 = sqrt(2)/2
-    term_5 = a*term_4 + b*term_4
+    term_3 = sqrt(2)/2
+    term_4 = a*term_3 + b*term_3
     inertia_platform = I + 4*I_w + d**2*m + term_2*(a**2 + b**2)
-    inertia_platform_turning_platform_turning = inertia_platform + 2*term_1*term_5**2
     out = _zeros((3, 3), q, p)
-    out[0, 0] = inertia_platform_forward_platform_forward
-    out[1, 1] = inertia_platform_forward_platform_forward
-    out[1, 2] = term_3
-    out[2, 1] = term_3
-    out[2, 2] = inertia_platform_turning_platform_turning
+    out[0, 0] = out[1, 1] = mass_platform + term_1
+    out[1, 2] = out[2, 1] = d*m
+    out[2, 2] = inertia_platform + 2*term_1*term_4**2
     return out
 
 
@@ -267,36 +227,27 @@ def coriolis_matrix(x, p):
     Returns: shape (n-m, n-m) = (3, 3); 28 operations.
     """
     platform_turning = x[5]
-    r = p[0]
-    a = p[1]
-    b = p[2]
-    d = p[3]
-    m = p[4]
-    m_w = p[5]
-    K2 = p[10]
-    term_1 = K2/r**2
-    coriolis_platform_forward_platform_forward = 4*term_1
+    r, a, b, d, m, m_w, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[10]
+    K2_over_r_squared = K2/r**2
+    coriolis_platform_forward_platform_forward = 4*K2_over_r_squared
     mass_platform = m + 4*m_w
-    term_2 = mass_platform*platform_turning
-    term_3 = d*m*platform_turning
-    term_4 = sqrt(2)
-    term_5 = term_4/2
-    term_6 = a*term_5 + b*term_5
-    term_7 = 2*term_1*term_4
-    term_8 = -term_6
-    term_9 = term_6*term_7 + term_7*term_8
-    coriolis_platform_forward_platform_turning = -term_3 + term_9
-    coriolis_platform_turning_platform_forward = term_3 + term_9
+    term_1 = mass_platform*platform_turning
+    term_2 = d*m*platform_turning
+    term_3 = sqrt(2)
+    term_4 = term_3/2
+    term_5 = a*term_4 + b*term_4
+    term_6 = 2*K2_over_r_squared*term_3
+    term_7 = -term_5
+    term_8 = term_5*term_6 + term_6*term_7
     coriolis_platform_turning_platform_turning = (
-            coriolis_platform_forward_platform_forward*term_6**2 + coriolis_platform_forward_platform_forward*term_8**2
-        )
+        coriolis_platform_forward_platform_forward*term_5**2 + coriolis_platform_forward_platform_forward*term_7**2
+    )
     out = _zeros((3, 3), x, p)
-    out[0, 0] = coriolis_platform_forward_platform_forward
-    out[0, 1] = -term_2
-    out[0, 2] = coriolis_platform_forward_platform_turning
-    out[1, 0] = term_2
-    out[1, 1] = coriolis_platform_forward_platform_forward
-    out[2, 0] = coriolis_platform_turning_platform_forward
+    out[0, 0] = out[1, 1] = coriolis_platform_forward_platform_forward
+    out[0, 1] = -term_1
+    out[0, 2] = -term_2 + term_8
+    out[1, 0] = term_1
+    out[2, 0] = term_2 + term_8
     out[2, 2] = coriolis_platform_turning_platform_turning
     return out
 
@@ -309,31 +260,17 @@ def input_matrix(q, p):
     p: physical parameters, (11,)
     Returns: shape (n-m, n_u) = (3, 4); 12 operations.
     """
-    r = p[0]
-    a = p[1]
-    b = p[2]
-    K1 = p[9]
-    term_1 = K1/r
-    term_2 = -term_1
-    term_3 = sqrt(2)
-    term_4 = term_3/2
-    term_5 = a*term_4 + b*term_4
-    term_6 = term_1*term_3
-    term_7 = -term_5*term_6
-    term_8 = term_5*term_6
-    out = _empty((3, 4), q, p)
-    out[0, 0] = term_1
-    out[0, 1] = term_1
-    out[0, 2] = term_1
-    out[0, 3] = term_1
-    out[1, 0] = term_2
-    out[1, 1] = term_1
-    out[1, 2] = term_1
-    out[1, 3] = term_2
-    out[2, 0] = term_7
-    out[2, 1] = term_8
-    out[2, 2] = term_7
-    out[2, 3] = term_8
+    r, a, b, K1 = p[0], p[1], p[2], p[9]
+    K1_over_r = K1/r
+    term_1 = sqrt(2)
+    term_2 = term_1/2
+    term_3 = a*term_2 + b*term_2
+    term_4 = K1_over_r*term_1
+    out = _zeros((3, 4), q, p)
+    out[0, 0] = out[0, 1] = out[0, 2] = out[0, 3] = out[1, 1] = out[1, 2] = K1_over_r
+    out[1, 0] = out[1, 3] = -K1_over_r
+    out[2, 0] = out[2, 2] = -term_3*term_4
+    out[2, 1] = out[2, 3] = term_3*term_4
     return out
 
 
@@ -347,96 +284,77 @@ def state_derivative(x, u, w, p):
     p: physical parameters, (11,)
     Returns: shape (2n-m,) = (6,); 105 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    u_fl = u[0]
-    u_fr = u[1]
-    u_rl = u[2]
-    u_rr = u[3]
-    w_platform_forward = w[0]
-    w_platform_lateral = w[1]
-    w_platform_turning = w[2]
-    r = p[0]
-    a = p[1]
-    b = p[2]
-    d = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K2 = p[10]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    u_fl, u_fr, u_rl, u_rr = u[0], u[1], u[2], u[3]
+    w_platform_forward, w_platform_lateral, w_platform_turning = w[0], w[1], w[2]
+    r, a, b, d, m, m_w, I, I_w, J, K1, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    x_dot = cos_phi*platform_forward - platform_lateral*sin_phi
-    y_dot = cos_phi*platform_lateral + platform_forward*sin_phi
-    term_1 = 1/(r**2)
-    term_2 = 4*term_1
-    term_3 = J*term_2
-    term_4 = 4*m_w
-    mass_platform = m + term_4
-    inertia_platform_forward_platform_forward = mass_platform + term_3
+    r_squared_inverse = 1/(r**2)
+    term_1 = 4*r_squared_inverse
+    term_2 = J*term_1
+    term_3 = 4*m_w
+    mass_platform = m + term_3
+    inertia_platform_forward_platform_forward = mass_platform + term_2
     inertia_platform_forward_platform_forward_inverse = 1/inertia_platform_forward_platform_forward
     r_inverse = 1/r
-    term_7 = K1*r_inverse
-    term_8 = term_7*u_fr
-    term_9 = term_7*u_rl
-    term_10 = mass_platform*platform_turning
-    term_11 = term_7*u_fl
-    term_12 = term_7*u_rr
-    term_13 = term_11 + term_12
-    coriolis_platform_forward_platform_forward = K2*term_2
-    term_14 = d*m
-    term_15 = platform_turning*term_14
-    term_16 = sqrt(2)
-    term_17 = term_16/2
-    term_18 = a*term_17 + b*term_17
-    term_19 = term_16*term_18
-    term_20 = 2*K2*term_1
-    term_21 = -term_18
-    term_22 = term_16*term_21
-    term_23 = term_19*term_20 + term_20*term_22
-    coriolis_platform_forward_platform_turning = -term_15 + term_23
+    K1_over_r = K1*r_inverse
+    K1_over_r_times_u_fr = K1_over_r*u_fr
+    K1_over_r_times_u_rl = K1_over_r*u_rl
+    term_4 = mass_platform*platform_turning
+    K1_over_r_times_u_fl = K1_over_r*u_fl
+    K1_over_r_times_u_rr = K1_over_r*u_rr
+    term_5 = K1_over_r_times_u_fl + K1_over_r_times_u_rr
+    coriolis_platform_forward_platform_forward = K2*term_1
+    d_times_m = d*m
+    term_6 = platform_turning*d_times_m
+    term_7 = sqrt(2)
+    term_8 = term_7/2
+    term_9 = a*term_8 + b*term_8
+    term_10 = term_7*term_9
+    term_11 = 2*K2*r_squared_inverse
+    term_12 = -term_9
+    term_13 = term_7*term_12
+    term_14 = term_10*term_11 + term_11*term_13
+    coriolis_platform_forward_platform_turning = -term_6 + term_14
     force_platform_forward = (
-            -coriolis_platform_forward_platform_forward*platform_forward
-            - coriolis_platform_forward_platform_turning*platform_turning + platform_lateral*term_10 + term_13 + term_8
-            + term_9 - w_platform_forward
-        )
+        -coriolis_platform_forward_platform_forward*platform_forward
+        - coriolis_platform_forward_platform_turning*platform_turning + platform_lateral*term_4 + term_5
+        + K1_over_r_times_u_fr + K1_over_r_times_u_rl - w_platform_forward
+    )
     platform_forward_dot = force_platform_forward*inertia_platform_forward_platform_forward_inverse
-    ratio_platform_turning_platform_lateral = inertia_platform_forward_platform_forward_inverse*term_14
+    ratio_platform_turning_platform_lateral = inertia_platform_forward_platform_forward_inverse*d_times_m
     force_platform_lateral = (
-            K1*r_inverse*u_fr + K1*r_inverse*u_rl - coriolis_platform_forward_platform_forward*platform_lateral
-            - platform_forward*term_10 - term_13 - w_platform_lateral
-        )
-    term_24 = term_21**2
-    term_25 = term_18**2
-    inertia_platform = I + 4*I_w + d**2*m + term_4*(a**2 + b**2)
-    inertia_platform_turning_platform_turning = inertia_platform + term_24*term_3 + term_25*term_3
+        K1*r_inverse*u_fr + K1*r_inverse*u_rl - coriolis_platform_forward_platform_forward*platform_lateral
+        - platform_forward*term_4 - term_5 - w_platform_lateral
+    )
+    term_15 = term_12**2
+    term_16 = term_9**2
+    inertia_platform = I + 4*I_w + d**2*m + term_3*(a**2 + b**2)
+    inertia_platform_turning_platform_turning = inertia_platform + term_15*term_2 + term_16*term_2
     pivot_platform_turning = (
-            -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
-            + inertia_platform_turning_platform_turning
-        )
-    coriolis_platform_turning_platform_forward = term_15 + term_23
+        -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
+        + inertia_platform_turning_platform_turning
+    )
+    coriolis_platform_turning_platform_forward = term_6 + term_14
     coriolis_platform_turning_platform_turning = (
-            coriolis_platform_forward_platform_forward*term_24 + coriolis_platform_forward_platform_forward*term_25
-        )
+        coriolis_platform_forward_platform_forward*term_15 + coriolis_platform_forward_platform_forward*term_16
+    )
     force_platform_turning = (
-            -coriolis_platform_turning_platform_forward*platform_forward
-            - coriolis_platform_turning_platform_turning*platform_turning
-            - force_platform_lateral*ratio_platform_turning_platform_lateral + term_11*term_22 + term_12*term_19
-            + term_19*term_8 + term_22*term_9 - w_platform_turning
-        )
+        -coriolis_platform_turning_platform_forward*platform_forward
+        - coriolis_platform_turning_platform_turning*platform_turning
+        - force_platform_lateral*ratio_platform_turning_platform_lateral + K1_over_r_times_u_fl*term_13
+        + K1_over_r_times_u_rr*term_10 + term_10*K1_over_r_times_u_fr + term_13*K1_over_r_times_u_rl
+        - w_platform_turning
+    )
     platform_turning_dot = force_platform_turning/pivot_platform_turning
     platform_lateral_dot = (
-            force_platform_lateral*inertia_platform_forward_platform_forward_inverse
-            - platform_turning_dot*ratio_platform_turning_platform_lateral
-        )
-    out = _empty((6,), x, u, w, p)
-    out[0] = x_dot
-    out[1] = y_dot
+        force_platform_lateral*inertia_platform_forward_platform_forward_inverse
+        - platform_turning_dot*ratio_platform_turning_platform_lateral
+    )
+    out = _zeros((6,), x, u, w, p)
+    out[0] = cos_phi*platform_forward - platform_lateral*sin_phi
+    out[1] = cos_phi*platform_lateral + platform_forward*sin_phi
     out[2] = platform_turning
     out[3] = platform_forward_dot
     out[4] = platform_lateral_dot
@@ -446,109 +364,94 @@ def state_derivative(x, u, w, p):
 
 @_function(x=6, u=4, w=3, p=11)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (6,)
     u: motor voltages, (4,)
     w: generalized forces on v, Fbar + taubar_d, (3,)
     p: physical parameters, (11,)
-    Returns: shape (2n-m, 2n-m) = (6, 6); 91 operations.
+    Returns: shape (2n-m, 2n-m) = (6, 6); 90 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    r = p[0]
-    a = p[1]
-    b = p[2]
-    d = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K2 = p[10]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    r, a, b, d, m, m_w, I, I_w, J, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[10]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     y_dot = cos_phi*platform_lateral + platform_forward*sin_phi
-    x_dot = cos_phi*platform_forward - platform_lateral*sin_phi
-    term_1 = 1/(r**2)
-    term_2 = 4*term_1
-    term_3 = J*term_2
-    term_4 = 4*m_w
-    mass_platform = m + term_4
-    inertia_platform_forward_platform_forward = mass_platform + term_3
+    r_squared_inverse = 1/(r**2)
+    term_1 = 4*r_squared_inverse
+    term_2 = J*term_1
+    term_3 = 4*m_w
+    mass_platform = m + term_3
+    inertia_platform_forward_platform_forward = mass_platform + term_2
     inertia_platform_forward_platform_forward_inverse = 1/inertia_platform_forward_platform_forward
-    coriolis_platform_forward_platform_forward = K2*term_2
-    term_6 = coriolis_platform_forward_platform_forward*inertia_platform_forward_platform_forward_inverse
-    platform_forward_dot_by_platform_forward = -term_6
+    coriolis_platform_forward_platform_forward = K2*term_1
+    platform_forward_dot_by_platform_forward = (
+        -coriolis_platform_forward_platform_forward*inertia_platform_forward_platform_forward_inverse
+    )
     platform_forward_dot_by_platform_lateral = (
-            inertia_platform_forward_platform_forward_inverse*mass_platform*platform_turning
-        )
-    term_7 = d*m
-    term_8 = platform_turning*term_7
-    term_9 = sqrt(2)
-    term_10 = term_9/2
-    term_11 = a*term_10 + b*term_10
-    term_12 = -term_11
-    term_13 = 2*K2*term_1*term_9
-    term_14 = term_11*term_13 + term_12*term_13
-    coriolis_platform_forward_platform_turning = term_14 - term_8
+        inertia_platform_forward_platform_forward_inverse*mass_platform*platform_turning
+    )
+    d_times_m = d*m
+    term_4 = platform_turning*d_times_m
+    term_5 = sqrt(2)
+    term_6 = term_5/2
+    term_7 = a*term_6 + b*term_6
+    term_8 = -term_7
+    term_9 = 2*K2*r_squared_inverse*term_5
+    term_10 = term_7*term_9 + term_8*term_9
+    coriolis_platform_forward_platform_turning = term_10 - term_4
     force_platform_forward_by_platform_turning = (
-            -coriolis_platform_forward_platform_turning + mass_platform*platform_lateral + term_8
-        )
+        -coriolis_platform_forward_platform_turning + mass_platform*platform_lateral + term_4
+    )
     platform_forward_dot_by_platform_turning = (
-            force_platform_forward_by_platform_turning*inertia_platform_forward_platform_forward_inverse
-        )
-    ratio_platform_turning_platform_lateral = inertia_platform_forward_platform_forward_inverse*term_7
-    term_15 = term_12**2
-    term_16 = term_11**2
-    inertia_platform = I + 4*I_w + d**2*m + term_4*(a**2 + b**2)
-    inertia_platform_turning_platform_turning = inertia_platform + term_15*term_3 + term_16*term_3
+        force_platform_forward_by_platform_turning*inertia_platform_forward_platform_forward_inverse
+    )
+    ratio_platform_turning_platform_lateral = inertia_platform_forward_platform_forward_inverse*d_times_m
+    term_11 = term_8**2
+    term_12 = term_7**2
+    inertia_platform = I + 4*I_w + d**2*m + term_3*(a**2 + b**2)
+    inertia_platform_turning_platform_turning = inertia_platform + term_11*term_2 + term_12*term_2
     pivot_platform_turning = (
-            -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
-            + inertia_platform_turning_platform_turning
-        )
+        -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
+        + inertia_platform_turning_platform_turning
+    )
     pivot_platform_turning_inverse = 1/pivot_platform_turning
-    coriolis_platform_turning_platform_forward = term_14 + term_8
+    coriolis_platform_turning_platform_forward = term_10 + term_4
     force_platform_turning_by_platform_forward = (
-            -coriolis_platform_turning_platform_forward
-            + mass_platform*platform_turning*ratio_platform_turning_platform_lateral
-        )
-    platform_turning_dot_by_platform_forward = (
-            force_platform_turning_by_platform_forward*pivot_platform_turning_inverse
-        )
+        -coriolis_platform_turning_platform_forward
+        + mass_platform*platform_turning*ratio_platform_turning_platform_lateral
+    )
+    platform_turning_dot_by_platform_forward = force_platform_turning_by_platform_forward*pivot_platform_turning_inverse
     platform_lateral_dot_by_platform_forward = (
-            -platform_forward_dot_by_platform_lateral
-            - platform_turning_dot_by_platform_forward*ratio_platform_turning_platform_lateral
-        )
+        -platform_forward_dot_by_platform_lateral
+        - platform_turning_dot_by_platform_forward*ratio_platform_turning_platform_lateral
+    )
     platform_turning_dot_by_platform_lateral = (
-            coriolis_platform_forward_platform_forward*pivot_platform_turning_inverse*ratio_platform_turning_platform_lateral
-        )
+        coriolis_platform_forward_platform_forward*pivot_platform_turning_inverse
+        *ratio_platform_turning_platform_lateral
+    )
     platform_lateral_dot_by_platform_lateral = (
-            -platform_turning_dot_by_platform_lateral*ratio_platform_turning_platform_lateral - term_6
-        )
+        -platform_turning_dot_by_platform_lateral*ratio_platform_turning_platform_lateral
+        + platform_forward_dot_by_platform_forward
+    )
     coriolis_platform_turning_platform_turning = (
-            coriolis_platform_forward_platform_forward*term_15 + coriolis_platform_forward_platform_forward*term_16
-        )
+        coriolis_platform_forward_platform_forward*term_11 + coriolis_platform_forward_platform_forward*term_12
+    )
     force_platform_turning_by_platform_turning = (
-            -coriolis_platform_turning_platform_turning
-            + mass_platform*platform_forward*ratio_platform_turning_platform_lateral - platform_forward*term_7
-        )
-    platform_turning_dot_by_platform_turning = (
-            force_platform_turning_by_platform_turning*pivot_platform_turning_inverse
-        )
+        -coriolis_platform_turning_platform_turning
+        + mass_platform*platform_forward*ratio_platform_turning_platform_lateral - platform_forward*d_times_m
+    )
+    platform_turning_dot_by_platform_turning = force_platform_turning_by_platform_turning*pivot_platform_turning_inverse
     platform_lateral_dot_by_platform_turning = (
-            -inertia_platform_forward_platform_forward_inverse*mass_platform*platform_forward
-            - platform_turning_dot_by_platform_turning*ratio_platform_turning_platform_lateral
-        )
+        -inertia_platform_forward_platform_forward_inverse*mass_platform*platform_forward
+        - platform_turning_dot_by_platform_turning*ratio_platform_turning_platform_lateral
+    )
     out = _zeros((6, 6), x, u, w, p)
     out[0, 2] = -y_dot
-    out[0, 3] = cos_phi
+    out[0, 3] = out[1, 4] = cos_phi
     out[0, 4] = -sin_phi
-    out[1, 2] = x_dot
+    out[1, 2] = cos_phi*platform_forward - platform_lateral*sin_phi
     out[1, 3] = sin_phi
-    out[1, 4] = cos_phi
     out[2, 5] = 1
     out[3, 3] = platform_forward_dot_by_platform_forward
     out[3, 4] = platform_forward_dot_by_platform_lateral
@@ -564,24 +467,15 @@ def state_jacobian(x, u, w, p):
 
 @_function(x=6, u=4, w=3, p=11)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (6,)
     u: motor voltages, (4,)
     w: generalized forces on v, Fbar + taubar_d, (3,)
     p: physical parameters, (11,)
-    Returns: shape (2n-m, n_u) = (6, 4); 61 operations.
+    Returns: shape (2n-m, n_u) = (6, 4); 60 operations.
     """
-    r = p[0]
-    a = p[1]
-    b = p[2]
-    d = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
+    r, a, b, d, m, m_w, I, I_w, J, K1 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9]
     term_1 = 4*J/r**2
     term_2 = 4*m_w
     mass_platform = m + term_2
@@ -590,47 +484,43 @@ def input_jacobian(x, u, w, p):
     force_platform_forward_by_u_fl = K1/r
     platform_forward_dot_by_u_fl = force_platform_forward_by_u_fl*inertia_platform_forward_platform_forward_inverse
     ratio_platform_turning_platform_lateral = d*inertia_platform_forward_platform_forward_inverse*m
-    term_4 = sqrt(2)
-    term_5 = term_4/2
-    term_6 = a*term_5 + b*term_5
-    term_7 = -term_6
+    term_3 = sqrt(2)
+    term_4 = term_3/2
+    term_5 = a*term_4 + b*term_4
+    term_6 = -term_5
     inertia_platform = I + 4*I_w + d**2*m + term_2*(a**2 + b**2)
-    inertia_platform_turning_platform_turning = inertia_platform + term_1*term_6**2 + term_1*term_7**2
+    inertia_platform_turning_platform_turning = inertia_platform + term_1*term_5**2 + term_1*term_6**2
     pivot_platform_turning = (
-            -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
-            + inertia_platform_turning_platform_turning
-        )
+        -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
+        + inertia_platform_turning_platform_turning
+    )
     pivot_platform_turning_inverse = 1/pivot_platform_turning
-    term_9 = force_platform_forward_by_u_fl*ratio_platform_turning_platform_lateral
-    term_10 = force_platform_forward_by_u_fl*term_4
-    term_11 = term_10*term_7
-    force_platform_turning_by_u_fl = term_11 + term_9
+    term_7 = force_platform_forward_by_u_fl*ratio_platform_turning_platform_lateral
+    term_8 = force_platform_forward_by_u_fl*term_3
+    term_9 = term_8*term_6
+    force_platform_turning_by_u_fl = term_9 + term_7
     platform_turning_dot_by_u_fl = force_platform_turning_by_u_fl*pivot_platform_turning_inverse
     platform_lateral_dot_by_u_fl = (
-            -platform_forward_dot_by_u_fl - platform_turning_dot_by_u_fl*ratio_platform_turning_platform_lateral
-        )
-    term_12 = -term_9
-    term_13 = term_10*term_6
-    force_platform_turning_by_u_fr = term_12 + term_13
+        -platform_forward_dot_by_u_fl - platform_turning_dot_by_u_fl*ratio_platform_turning_platform_lateral
+    )
+    term_10 = term_8*term_5
+    force_platform_turning_by_u_fr = -term_7 + term_10
     platform_turning_dot_by_u_fr = force_platform_turning_by_u_fr*pivot_platform_turning_inverse
     platform_lateral_dot_by_u_fr = (
-            platform_forward_dot_by_u_fl - platform_turning_dot_by_u_fr*ratio_platform_turning_platform_lateral
-        )
-    force_platform_turning_by_u_rl = term_11 + term_12
+        platform_forward_dot_by_u_fl - platform_turning_dot_by_u_fr*ratio_platform_turning_platform_lateral
+    )
+    force_platform_turning_by_u_rl = term_9 - term_7
     platform_turning_dot_by_u_rl = force_platform_turning_by_u_rl*pivot_platform_turning_inverse
     platform_lateral_dot_by_u_rl = (
-            platform_forward_dot_by_u_fl - platform_turning_dot_by_u_rl*ratio_platform_turning_platform_lateral
-        )
-    force_platform_turning_by_u_rr = term_13 + term_9
+        platform_forward_dot_by_u_fl - platform_turning_dot_by_u_rl*ratio_platform_turning_platform_lateral
+    )
+    force_platform_turning_by_u_rr = term_10 + term_7
     platform_turning_dot_by_u_rr = force_platform_turning_by_u_rr*pivot_platform_turning_inverse
     platform_lateral_dot_by_u_rr = (
-            -platform_forward_dot_by_u_fl - platform_turning_dot_by_u_rr*ratio_platform_turning_platform_lateral
-        )
+        -platform_forward_dot_by_u_fl - platform_turning_dot_by_u_rr*ratio_platform_turning_platform_lateral
+    )
     out = _zeros((6, 4), x, u, w, p)
-    out[3, 0] = platform_forward_dot_by_u_fl
-    out[3, 1] = platform_forward_dot_by_u_fl
-    out[3, 2] = platform_forward_dot_by_u_fl
-    out[3, 3] = platform_forward_dot_by_u_fl
+    out[3, 0] = out[3, 1] = out[3, 2] = out[3, 3] = platform_forward_dot_by_u_fl
     out[4, 0] = platform_lateral_dot_by_u_fl
     out[4, 1] = platform_lateral_dot_by_u_fr
     out[4, 2] = platform_lateral_dot_by_u_rl
@@ -644,22 +534,12 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=11)
 def base_parameters(p):
-    """theta(p), forward form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (11,)
     Returns: shape (n_theta,) = (14,); 64 operations.
     """
-    r = p[0]
-    a = p[1]
-    b = p[2]
-    d = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K2 = p[10]
+    r, a, b, d, m, m_w, I, I_w, J, K1, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10]
     term_1 = 4/r**2
     term_2 = J*term_1
     term_3 = 4*m_w
@@ -667,48 +547,48 @@ def base_parameters(p):
     inertia_platform_forward_platform_forward = mass_platform + term_2
     inertia_platform_forward_platform_forward_inverse = 1/inertia_platform_forward_platform_forward
     coriolis_platform_forward_platform_forward = K2*term_1
-    term_5 = coriolis_platform_forward_platform_forward*inertia_platform_forward_platform_forward_inverse
-    term_6 = d*m
-    ratio_platform_turning_platform_lateral = inertia_platform_forward_platform_forward_inverse*term_6
-    term_7 = inertia_platform_forward_platform_forward_inverse*mass_platform
+    term_4 = coriolis_platform_forward_platform_forward*inertia_platform_forward_platform_forward_inverse
+    d_times_m = d*m
+    ratio_platform_turning_platform_lateral = inertia_platform_forward_platform_forward_inverse*d_times_m
+    term_5 = inertia_platform_forward_platform_forward_inverse*mass_platform
     ratio_platform_turning_platform_lateral_squared = ratio_platform_turning_platform_lateral**2
-    term_9 = sqrt(2)/2
-    term_10 = a*term_9 + b*term_9
-    term_11 = -term_10
-    term_12 = term_11**2
-    term_13 = term_10**2
+    term_6 = sqrt(2)/2
+    term_7 = a*term_6 + b*term_6
+    term_8 = -term_7
+    term_9 = term_8**2
+    term_10 = term_7**2
     inertia_platform = I + 4*I_w + d**2*m + term_3*(a**2 + b**2)
-    inertia_platform_turning_platform_turning = inertia_platform + term_12*term_2 + term_13*term_2
+    inertia_platform_turning_platform_turning = inertia_platform + term_9*term_2 + term_10*term_2
     pivot_platform_turning = (
-            -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral_squared
-            + inertia_platform_turning_platform_turning
-        )
+        -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral_squared
+        + inertia_platform_turning_platform_turning
+    )
     pivot_platform_turning_inverse = 1/pivot_platform_turning
-    term_15 = coriolis_platform_forward_platform_forward*pivot_platform_turning_inverse
+    term_11 = coriolis_platform_forward_platform_forward*pivot_platform_turning_inverse
     coriolis_platform_turning_platform_turning = (
-            coriolis_platform_forward_platform_forward*term_12 + coriolis_platform_forward_platform_forward*term_13
-        )
-    term_16 = coriolis_platform_turning_platform_turning*pivot_platform_turning_inverse
-    term_17 = pivot_platform_turning_inverse*(mass_platform*ratio_platform_turning_platform_lateral - term_6)
-    term_18 = K1/r
-    term_19 = inertia_platform_forward_platform_forward_inverse*term_18
-    term_20 = pivot_platform_turning_inverse*term_18
-    term_21 = ratio_platform_turning_platform_lateral*term_20
-    out = _empty((14,), p)
-    out[0] = term_5
+        coriolis_platform_forward_platform_forward*term_9 + coriolis_platform_forward_platform_forward*term_10
+    )
+    term_12 = coriolis_platform_turning_platform_turning*pivot_platform_turning_inverse
+    term_13 = pivot_platform_turning_inverse*(mass_platform*ratio_platform_turning_platform_lateral - d_times_m)
+    K1_over_r = K1/r
+    term_14 = inertia_platform_forward_platform_forward_inverse*K1_over_r
+    term_15 = pivot_platform_turning_inverse*K1_over_r
+    term_16 = ratio_platform_turning_platform_lateral*term_15
+    out = _zeros((14,), p)
+    out[0] = term_4
     out[1] = ratio_platform_turning_platform_lateral
-    out[2] = term_7
-    out[3] = ratio_platform_turning_platform_lateral_squared*term_15 + term_5
-    out[4] = ratio_platform_turning_platform_lateral*term_16
-    out[5] = ratio_platform_turning_platform_lateral*term_17 + term_7
-    out[6] = ratio_platform_turning_platform_lateral*term_15
-    out[7] = term_16
-    out[8] = -term_17
-    out[9] = term_19
-    out[10] = ratio_platform_turning_platform_lateral_squared*term_20 + term_19
-    out[11] = -term_11*term_21
-    out[12] = term_21
-    out[13] = -term_11*term_20
+    out[2] = term_5
+    out[3] = ratio_platform_turning_platform_lateral_squared*term_11 + term_4
+    out[4] = ratio_platform_turning_platform_lateral*term_12
+    out[5] = ratio_platform_turning_platform_lateral*term_13 + term_5
+    out[6] = ratio_platform_turning_platform_lateral*term_11
+    out[7] = term_12
+    out[8] = -term_13
+    out[9] = term_14
+    out[10] = ratio_platform_turning_platform_lateral_squared*term_15 + term_14
+    out[11] = -term_8*term_16
+    out[12] = term_16
+    out[13] = -term_8*term_15
     return out
 
 
@@ -720,10 +600,8 @@ def output(q, c):
     c: known constants, (0,)
     Returns: shape (n-m,) = (3,); 0 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
-    out = _empty((3,), q, c)
+    x, y, phi = q[0], q[1], q[2]
+    out = _zeros((3,), q, c)
     out[0] = x
     out[1] = y
     out[2] = phi
@@ -739,9 +617,7 @@ def output_jacobian(q, c):
     Returns: shape (n-m, n) = (3, 3); 0 operations.
     """
     out = _zeros((3, 3), q, c)
-    out[0, 0] = 1
-    out[1, 1] = 1
-    out[2, 2] = 1
+    out[0, 0] = out[1, 1] = out[2, 2] = 1
     return out
 
 
@@ -753,13 +629,10 @@ def output_rate(x, c):
     c: known constants, (0,)
     Returns: shape (n-m,) = (3,); 8 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    out = _empty((3,), x, c)
+    out = _zeros((3,), x, c)
     out[0] = cos_phi*platform_forward - platform_lateral*sin_phi
     out[1] = cos_phi*platform_lateral + platform_forward*sin_phi
     out[2] = platform_turning
@@ -768,20 +641,15 @@ def output_rate(x, c):
 
 @_function(x=6, c=0)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (6,)
     c: known constants, (0,)
     Returns: shape (n-m,) = (3,); 11 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    cos_phi = cos(phi)
-    term_1 = cos_phi*platform_turning
-    sin_phi = sin(phi)
-    term_2 = platform_turning*sin_phi
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    term_1 = cos(phi)*platform_turning
+    term_2 = platform_turning*sin(phi)
     out = _zeros((3,), x, c)
     out[0] = -platform_forward*term_2 - platform_lateral*term_1
     out[1] = platform_forward*term_1 - platform_lateral*term_2
@@ -790,35 +658,26 @@ def lie_f2_h(x, c):
 
 @_function(x=6, theta=14, c=0)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (6,)
     theta: base parameters, (14,)
     c: known constants, (0,)
     Returns: shape (n-m,) = (3,); 26 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta8 = theta[7]
-    theta9 = theta[8]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8, theta9 = (
+        theta[0], theta[1], theta[2], theta[3], theta[4], theta[5], theta[6], theta[7], theta[8]
+    )
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     platform_forward_drift = (
-            -platform_forward*theta1 + platform_lateral*platform_turning*theta3 + platform_turning**2*theta2
-        )
+        -platform_forward*theta1 + platform_lateral*platform_turning*theta3 + platform_turning**2*theta2
+    )
     term_1 = platform_forward*platform_turning
     platform_lateral_drift = -platform_lateral*theta4 + platform_turning*theta5 - term_1*theta6
     platform_turning_drift = platform_lateral*theta7 - platform_turning*theta8 - term_1*theta9
-    out = _empty((3,), x, theta, c)
+    out = _zeros((3,), x, theta, c)
     out[0] = cos_phi*platform_forward_drift - platform_lateral_drift*sin_phi
     out[1] = cos_phi*platform_lateral_drift + platform_forward_drift*sin_phi
     out[2] = platform_turning_drift
@@ -832,95 +691,82 @@ def decoupling_matrix(x, theta, c):
     x: state [q; v], (6,)
     theta: base parameters, (14,)
     c: known constants, (0,)
-    Returns: shape (n-m, n_u) = (3, 4); 32 operations.
+    Returns: shape (n-m, n_u) = (3, 4); 30 operations.
     """
     phi = x[2]
-    theta10 = theta[9]
-    theta11 = theta[10]
-    theta12 = theta[11]
-    theta13 = theta[12]
-    theta14 = theta[13]
+    theta10, theta11, theta12, theta13, theta14 = theta[9], theta[10], theta[11], theta[12], theta[13]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    term_1 = cos_phi*theta10
-    term_2 = sqrt(2)
-    term_3 = term_2*theta12
-    term_4 = -term_3 + theta11
-    term_5 = -term_4
-    term_6 = term_3 + theta11
-    term_7 = -term_6
-    term_8 = sin_phi*theta10
-    term_9 = term_2*theta14
-    term_10 = -term_9 + theta13
-    term_11 = term_9 + theta13
-    out = _empty((3, 4), x, theta, c)
-    out[0, 0] = -sin_phi*term_5 + term_1
-    out[0, 1] = -sin_phi*term_4 + term_1
-    out[0, 2] = -sin_phi*term_6 + term_1
-    out[0, 3] = -sin_phi*term_7 + term_1
-    out[1, 0] = cos_phi*term_5 + term_8
-    out[1, 1] = cos_phi*term_4 + term_8
-    out[1, 2] = cos_phi*term_6 + term_8
-    out[1, 3] = cos_phi*term_7 + term_8
-    out[2, 0] = term_10
-    out[2, 1] = -term_10
-    out[2, 2] = -term_11
-    out[2, 3] = term_11
+    cos_phi_times_theta10 = cos_phi*theta10
+    term_1 = sqrt(2)
+    term_2 = term_1*theta12
+    term_3 = -term_2 + theta11
+    term_4 = term_2 + theta11
+    sin_phi_times_theta10 = sin_phi*theta10
+    term_5 = term_1*theta14
+    term_6 = -term_5 + theta13
+    term_7 = term_5 + theta13
+    out = _zeros((3, 4), x, theta, c)
+    out[0, 0] = sin_phi*term_3 + cos_phi_times_theta10
+    out[0, 1] = -sin_phi*term_3 + cos_phi_times_theta10
+    out[0, 2] = -sin_phi*term_4 + cos_phi_times_theta10
+    out[0, 3] = sin_phi*term_4 + cos_phi_times_theta10
+    out[1, 0] = -cos_phi*term_3 + sin_phi_times_theta10
+    out[1, 1] = cos_phi*term_3 + sin_phi_times_theta10
+    out[1, 2] = cos_phi*term_4 + sin_phi_times_theta10
+    out[1, 3] = -cos_phi*term_4 + sin_phi_times_theta10
+    out[2, 0] = term_6
+    out[2, 1] = -term_6
+    out[2, 2] = -term_7
+    out[2, 3] = term_7
     return out
 
 
 @_function(x=6, u=4, c=0)
 def regressor(x, u, c):
-    """Y: y'' = L_f^2 h + Y theta; W of (89) is Y at the control; equation (31), (89).
+    """Y: y'' = L_f^2 h + Y theta; W of (89) is Y at the control; equations (31), (89).
 
     x: state [q; v], (6,)
     u: motor voltages, (4,)
     c: known constants, (0,)
-    Returns: shape (n-m, n_theta) = (3, 14); 47 operations.
+    Returns: shape (n-m, n_theta) = (3, 14); 46 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    u_fl = u[0]
-    u_fr = u[1]
-    u_rl = u[2]
-    u_rr = u[3]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    u_fl, u_fr, u_rl, u_rr = u[0], u[1], u[2], u[3]
     cos_phi = cos(phi)
-    term_1 = cos_phi*platform_forward
+    cos_phi_times_platform_forward = cos_phi*platform_forward
     platform_turning_squared = platform_turning**2
-    term_3 = cos_phi*platform_lateral
+    cos_phi_times_platform_lateral = cos_phi*platform_lateral
     sin_phi = sin(phi)
-    term_4 = platform_lateral*sin_phi
-    term_5 = platform_turning*sin_phi
-    term_6 = u_fl + u_rr
-    term_7 = term_6 + u_fr + u_rl
-    term_8 = term_6 - u_fr - u_rl
-    term_9 = -term_8
-    term_10 = sqrt(2)
-    term_11 = term_10*u_fl - term_10*u_fr + term_10*u_rl - term_10*u_rr
+    platform_lateral_times_sin_phi = platform_lateral*sin_phi
+    platform_turning_times_sin_phi = platform_turning*sin_phi
+    term_1 = u_fl + u_rr
+    term_2 = term_1 + u_fr + u_rl
+    term_3 = term_1 - u_fr - u_rl
+    term_4 = sqrt(2)
+    term_5 = term_4*u_fl - term_4*u_fr + term_4*u_rl - term_4*u_rr
     out = _zeros((3, 14), x, u, c)
-    out[0, 0] = -term_1
+    out[0, 0] = -cos_phi_times_platform_forward
     out[0, 1] = cos_phi*platform_turning_squared
-    out[0, 2] = platform_turning*term_3
-    out[0, 3] = term_4
-    out[0, 4] = -term_5
-    out[0, 5] = platform_forward*term_5
-    out[0, 9] = cos_phi*term_7
-    out[0, 10] = -sin_phi*term_9
-    out[0, 11] = -sin_phi*term_11
+    out[0, 2] = platform_turning*cos_phi_times_platform_lateral
+    out[0, 3] = platform_lateral_times_sin_phi
+    out[0, 4] = -platform_turning_times_sin_phi
+    out[0, 5] = platform_forward*platform_turning_times_sin_phi
+    out[0, 9] = cos_phi*term_2
+    out[0, 10] = sin_phi*term_3
+    out[0, 11] = -sin_phi*term_5
     out[1, 0] = -platform_forward*sin_phi
     out[1, 1] = platform_turning_squared*sin_phi
-    out[1, 2] = platform_turning*term_4
-    out[1, 3] = -term_3
+    out[1, 2] = platform_turning*platform_lateral_times_sin_phi
+    out[1, 3] = -cos_phi_times_platform_lateral
     out[1, 4] = cos_phi*platform_turning
-    out[1, 5] = -platform_turning*term_1
-    out[1, 9] = sin_phi*term_7
-    out[1, 10] = cos_phi*term_9
-    out[1, 11] = cos_phi*term_11
+    out[1, 5] = -platform_turning*cos_phi_times_platform_forward
+    out[1, 9] = sin_phi*term_2
+    out[1, 10] = -cos_phi*term_3
+    out[1, 11] = cos_phi*term_5
     out[2, 6] = platform_lateral
     out[2, 7] = -platform_turning
     out[2, 8] = -platform_forward*platform_turning
-    out[2, 12] = term_8
-    out[2, 13] = -term_11
+    out[2, 12] = term_3
+    out[2, 13] = -term_5
     return out

@@ -34,14 +34,8 @@ STATE = {
     "v": "m/s",
     "omega": "rad/s",
 }
-INPUTS = {
-    "u_r": "V",
-    "u_l": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-}
+INPUTS = {"u_r": "V", "u_l": "V"}
+OUTPUTS = {"y1": "m", "y2": "m"}
 PARAMETERS = {
     "r": "m",
     "b": "m",
@@ -84,12 +78,7 @@ DEFAULTS = {
     "K1": 7.2,
     "K2": 2.59,
 }
-KNOWN = {
-    "L": "m",
-    "d_1": "m",
-    "d_2": "m",
-    "d_3": "m",
-}
+KNOWN = {"L": "m", "d_1": "m", "d_2": "m", "d_3": "m"}
 BASE_PARAMETERS = {
     "theta1": "V s",
     "theta2": "V s/m",
@@ -151,9 +140,6 @@ def _zeros(shape, *arguments):
     return SX.zeros(*shape)
 
 
-_empty = _zeros
-
-
 @_function(q=6, p=19)
 def constraint_matrix(q, p):
     """A(q): A(q) q' = 0; equation (2).
@@ -162,84 +148,51 @@ def constraint_matrix(q, p):
     p: physical parameters, (19,)
     Returns: shape (m, n) = (4, 6); 40 operations.
     """
-    phi = q[2]
-    beta1 = q[3]
-    beta2 = q[4]
-    beta3 = q[5]
-    d_1 = p[8]
-    d_2 = p[11]
-    d_3 = p[14]
-    sin_beta1_phi = sin(beta1 + phi)
-    cos_beta1_phi = cos(beta1 + phi)
-    term_1 = -d_1
+    phi, beta1, beta2, beta3 = q[2], q[3], q[4], q[5]
+    d_1, d_2, d_3 = p[8], p[11], p[14]
     sin_beta1_beta2_phi = sin(beta1 + beta2 + phi)
-    cos_beta1_beta2_phi = cos(beta1 + beta2 + phi)
-    cos_beta2 = cos(beta2)
-    term_2 = -cos_beta2*d_1 - d_2
     sin_beta1_beta2_beta3_phi = sin(beta1 + beta2 + beta3 + phi)
-    cos_beta1_beta2_beta3_phi = cos(beta1 + beta2 + beta3 + phi)
-    cos_beta2_beta3 = cos(beta2 + beta3)
-    cos_beta3 = cos(beta3)
-    term_3 = cos_beta3*d_2 + d_3
-    term_4 = -cos_beta2_beta3*d_1 - term_3
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
+    term_1 = cos(beta3)*d_2 + d_3
     out = _zeros((4, 6), q, p)
-    out[0, 0] = -sin_beta1_phi
-    out[0, 1] = cos_beta1_phi
-    out[0, 2] = term_1
-    out[0, 3] = term_1
+    out[0, 0] = -sin(beta1 + phi)
+    out[0, 1] = cos(beta1 + phi)
+    out[0, 2] = out[0, 3] = -d_1
     out[1, 0] = -sin_beta1_beta2_phi
-    out[1, 1] = cos_beta1_beta2_phi
-    out[1, 2] = term_2
-    out[1, 3] = term_2
+    out[1, 1] = cos(beta1 + beta2 + phi)
+    out[1, 2] = out[1, 3] = -cos(beta2)*d_1 - d_2
     out[1, 4] = -d_2
     out[2, 0] = -sin_beta1_beta2_beta3_phi
-    out[2, 1] = cos_beta1_beta2_beta3_phi
-    out[2, 2] = term_4
-    out[2, 3] = term_4
-    out[2, 4] = -term_3
+    out[2, 1] = cos(beta1 + beta2 + beta3 + phi)
+    out[2, 2] = out[2, 3] = -cos(beta2 + beta3)*d_1 - term_1
+    out[2, 4] = -term_1
     out[2, 5] = -d_3
-    out[3, 0] = -sin_phi
-    out[3, 1] = cos_phi
+    out[3, 0] = -sin(phi)
+    out[3, 1] = cos(phi)
     return out
 
 
 @_function(q=6, p=19)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (6,)
     p: physical parameters, (19,)
     Returns: shape (n, n-m) = (6, 2); 19 operations.
     """
-    phi = q[2]
-    beta1 = q[3]
-    beta2 = q[4]
-    beta3 = q[5]
-    d_1 = p[8]
-    d_2 = p[11]
-    d_3 = p[14]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
-    sin_beta1 = sin(beta1)
-    trailer_1_turning_v = -sin_beta1/d_1
-    sin_beta2 = sin(beta2)
+    phi, beta1, beta2, beta3 = q[2], q[3], q[4], q[5]
+    d_1, d_2, d_3 = p[8], p[11], p[14]
+    trailer_1_turning_v = -sin(beta1)/d_1
     cos_beta1 = cos(beta1)
-    trailer_2_turning_v = -cos_beta1*sin_beta2/d_2
-    beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
-    sin_beta3 = sin(beta3)
-    cos_beta2 = cos(beta2)
-    trailer_3_turning_v = -cos_beta1*cos_beta2*sin_beta3/d_3
-    beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
+    trailer_2_turning_v = -cos_beta1*sin(beta2)/d_2
+    trailer_3_turning_v = -cos_beta1*cos(beta2)*sin(beta3)/d_3
     out = _zeros((6, 2), q, p)
-    out[0, 0] = cos_phi
-    out[1, 0] = sin_phi
+    out[0, 0] = cos(phi)
+    out[1, 0] = sin(phi)
     out[2, 1] = 1
     out[3, 0] = trailer_1_turning_v
     out[3, 1] = -1
-    out[4, 0] = beta2_dot_v
-    out[5, 0] = beta3_dot_v
+    out[4, 0] = -trailer_1_turning_v + trailer_2_turning_v
+    out[5, 0] = -trailer_2_turning_v + trailer_3_turning_v
     return out
 
 
@@ -251,15 +204,13 @@ def actuator_rates_matrix(q, p):
     p: physical parameters, (19,)
     Returns: shape (n_u, n-m) = (2, 2); 3 operations.
     """
-    r = p[0]
-    b = p[1]
+    r, b = p[0], p[1]
     r_inverse = 1/r
-    term_2 = b*r_inverse
-    out = _empty((2, 2), q, p)
-    out[0, 0] = r_inverse
-    out[0, 1] = term_2
-    out[1, 0] = r_inverse
-    out[1, 1] = -term_2
+    b_over_r = b*r_inverse
+    out = _zeros((2, 2), q, p)
+    out[0, 0] = out[1, 0] = r_inverse
+    out[0, 1] = b_over_r
+    out[1, 1] = -b_over_r
     return out
 
 
@@ -271,46 +222,27 @@ def inertia_matrix(q, p):
     p: physical parameters, (19,)
     Returns: shape (n-m, n-m) = (2, 2); 45 operations.
     """
-    beta1 = q[3]
-    beta2 = q[4]
-    beta3 = q[5]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    d_1 = p[8]
-    m_1 = p[9]
-    I_1 = p[10]
-    d_2 = p[11]
-    m_2 = p[12]
-    I_2 = p[13]
-    d_3 = p[14]
-    m_3 = p[15]
-    I_3 = p[16]
+    beta1, beta2, beta3 = q[3], q[4], q[5]
+    b, d, m_C, m_w, I_m, I_C, d_1, m_1, I_1, d_2, m_2, I_2, d_3, m_3, I_3 = (
+        p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
     cos_beta2 = cos(beta2)
     cos_beta1 = cos(beta1)
     cos_beta1_squared = cos_beta1**2
-    sin_beta1 = sin(beta1)
-    trailer_1_turning_v = -sin_beta1/d_1
-    sin_beta2 = sin(beta2)
-    trailer_2_turning_v = -cos_beta1*sin_beta2/d_2
-    sin_beta3 = sin(beta3)
-    term_2 = cos_beta1*cos_beta2
-    trailer_3_turning_v = -sin_beta3*term_2/d_3
-    cos_beta3 = cos(beta3)
-    trailer_3_forward_v = cos_beta3*term_2
-    term_3 = 2*m_w
-    mass_tractor = m_C + term_3
+    trailer_1_turning_v = -sin(beta1)/d_1
+    trailer_2_turning_v = -cos_beta1*sin(beta2)/d_2
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    trailer_3_turning_v = -sin(beta3)*cos_beta1_times_cos_beta2/d_3
+    trailer_3_forward_v = cos(beta3)*cos_beta1_times_cos_beta2
+    term_1 = 2*m_w
+    mass_tractor = m_C + term_1
     inertia_v_v = (
-            I_1*trailer_1_turning_v**2 + I_2*trailer_2_turning_v**2 + I_3*trailer_3_turning_v**2
-            + cos_beta1_squared*cos_beta2**2*m_2 + cos_beta1_squared*m_1 + m_3*trailer_3_forward_v**2 + mass_tractor
-        )
-    inertia_tractor = I_C + 2*I_m + b**2*term_3 + d**2*m_C
+        I_1*trailer_1_turning_v**2 + I_2*trailer_2_turning_v**2 + I_3*trailer_3_turning_v**2
+        + cos_beta1_squared*cos_beta2**2*m_2 + cos_beta1_squared*m_1 + m_3*trailer_3_forward_v**2 + mass_tractor
+    )
     out = _zeros((2, 2), q, p)
     out[0, 0] = inertia_v_v
-    out[1, 1] = inertia_tractor
+    out[1, 1] = I_C + 2*I_m + b**2*term_1 + d**2*m_C
     return out
 
 
@@ -322,69 +254,56 @@ def coriolis_matrix(x, p):
     p: physical parameters, (19,)
     Returns: shape (n-m, n-m) = (2, 2); 77 operations.
     """
-    beta1 = x[3]
-    beta2 = x[4]
-    beta3 = x[5]
-    v = x[6]
-    omega = x[7]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    d_1 = p[8]
-    m_1 = p[9]
-    I_1 = p[10]
-    d_2 = p[11]
-    m_2 = p[12]
-    I_2 = p[13]
-    d_3 = p[14]
-    m_3 = p[15]
-    I_3 = p[16]
-    K2 = p[18]
+    beta1, beta2, beta3, v, omega = x[3], x[4], x[5], x[6], x[7]
+    r, b, d, m_C, d_1, m_1, I_1, d_2, m_2, I_2, d_3, m_3, I_3, K2 = (
+        p[0], p[1], p[2], p[4], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16], p[18]
+    )
     sin_beta1 = sin(beta1)
     cos_beta1 = cos(beta1)
     cos_beta2 = cos(beta2)
-    term_1 = cos_beta1*cos_beta2
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
     d_1_inverse = 1/d_1
     trailer_1_turning_v = -d_1_inverse*sin_beta1
     beta1_dot = -omega + trailer_1_turning_v*v
-    term_3 = beta1_dot*cos_beta1
-    term_4 = beta1_dot*sin_beta1
-    term_5 = cos_beta2*term_4
+    beta1_dot_times_cos_beta1 = beta1_dot*cos_beta1
+    beta1_dot_times_sin_beta1 = beta1_dot*sin_beta1
+    term_1 = cos_beta2*beta1_dot_times_sin_beta1
     sin_beta2 = sin(beta2)
     d_2_inverse = 1/d_2
-    term_7 = d_2_inverse*sin_beta2
-    trailer_2_turning_v = -cos_beta1*term_7
+    sin_beta2_over_d_2 = d_2_inverse*sin_beta2
+    trailer_2_turning_v = -cos_beta1*sin_beta2_over_d_2
     beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
-    term_8 = beta2_dot_v*v
-    term_9 = cos_beta1*sin_beta2*term_8
-    term_10 = 2*K2/r**2
+    beta2_dot_v_times_v = beta2_dot_v*v
+    term_2 = cos_beta1*sin_beta2*beta2_dot_v_times_v
+    term_3 = 2*K2/r**2
     d_3_inverse = 1/d_3
     sin_beta3 = sin(beta3)
-    term_12 = sin_beta3*term_1
-    trailer_3_turning_v = -d_3_inverse*term_12
+    term_4 = sin_beta3*cos_beta1_times_cos_beta2
+    trailer_3_turning_v = -d_3_inverse*term_4
     cos_beta3 = cos(beta3)
-    trailer_3_forward_v = cos_beta3*term_1
-    trailer_1_turning_v_dot = -d_1_inverse*term_3
-    trailer_2_turning_v_dot = -d_2_inverse*term_1*term_8 + term_4*term_7
+    trailer_3_forward_v = cos_beta3*cos_beta1_times_cos_beta2
+    trailer_1_turning_v_dot = -d_1_inverse*beta1_dot_times_cos_beta1
+    trailer_2_turning_v_dot = (
+        -d_2_inverse*cos_beta1_times_cos_beta2*beta2_dot_v_times_v + beta1_dot_times_sin_beta1*sin_beta2_over_d_2
+    )
     beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
-    term_13 = beta3_dot_v*v
-    trailer_3_forward_v_dot = -cos_beta3*term_5 - cos_beta3*term_9 - term_12*term_13
-    term_14 = d_3_inverse*sin_beta3
-    trailer_3_turning_v_dot = -d_3_inverse*term_13*trailer_3_forward_v + term_14*term_5 + term_14*term_9
+    beta3_dot_v_times_v = beta3_dot_v*v
+    trailer_3_forward_v_dot = -cos_beta3*term_1 - cos_beta3*term_2 - term_4*beta3_dot_v_times_v
+    sin_beta3_over_d_3 = d_3_inverse*sin_beta3
+    trailer_3_turning_v_dot = (
+        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + sin_beta3_over_d_3*term_1 + sin_beta3_over_d_3*term_2
+    )
     coriolis_v_v = (
-            I_1*trailer_1_turning_v*trailer_1_turning_v_dot + I_2*trailer_2_turning_v*trailer_2_turning_v_dot
-            + I_3*trailer_3_turning_v*trailer_3_turning_v_dot - m_1*sin_beta1*term_3 + m_2*term_1*(-term_5 - term_9)
-            + m_3*trailer_3_forward_v*trailer_3_forward_v_dot + term_10
-        )
+        I_1*trailer_1_turning_v*trailer_1_turning_v_dot + I_2*trailer_2_turning_v*trailer_2_turning_v_dot
+        + I_3*trailer_3_turning_v*trailer_3_turning_v_dot - m_1*sin_beta1*beta1_dot_times_cos_beta1
+        + m_2*cos_beta1_times_cos_beta2*(-term_1 - term_2) + m_3*trailer_3_forward_v*trailer_3_forward_v_dot + term_3
+    )
     coriolis_omega_v = d*m_C*omega
-    coriolis_v_omega = -coriolis_omega_v
-    coriolis_omega_omega = b**2*term_10
-    out = _empty((2, 2), x, p)
+    out = _zeros((2, 2), x, p)
     out[0, 0] = coriolis_v_v
-    out[0, 1] = coriolis_v_omega
+    out[0, 1] = -coriolis_omega_v
     out[1, 0] = coriolis_omega_v
-    out[1, 1] = coriolis_omega_omega
+    out[1, 1] = b**2*term_3
     return out
 
 
@@ -396,16 +315,13 @@ def input_matrix(q, p):
     p: physical parameters, (19,)
     Returns: shape (n-m, n_u) = (2, 2); 3 operations.
     """
-    r = p[0]
-    b = p[1]
-    K1 = p[17]
-    term_1 = K1/r
-    term_2 = b*term_1
-    out = _empty((2, 2), q, p)
-    out[0, 0] = term_1
-    out[0, 1] = term_1
-    out[1, 0] = term_2
-    out[1, 1] = -term_2
+    r, b, K1 = p[0], p[1], p[17]
+    K1_over_r = K1/r
+    b_times_K1_over_r = b*K1_over_r
+    out = _zeros((2, 2), q, p)
+    out[0, 0] = out[0, 1] = K1_over_r
+    out[1, 0] = b_times_K1_over_r
+    out[1, 1] = -b_times_K1_over_r
     return out
 
 
@@ -417,38 +333,15 @@ def state_derivative(x, u, w, p):
     u: motor voltages, (2,)
     w: generalized forces on v, Fbar + taubar_d, (2,)
     p: physical parameters, (19,)
-    Returns: shape (2n-m,) = (8,); 134 operations.
+    Returns: shape (2n-m,) = (8,); 133 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    beta3 = x[5]
-    v = x[6]
-    omega = x[7]
-    u_r = u[0]
-    u_l = u[1]
-    w_v = w[0]
-    w_omega = w[1]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    d_1 = p[8]
-    m_1 = p[9]
-    I_1 = p[10]
-    d_2 = p[11]
-    m_2 = p[12]
-    I_2 = p[13]
-    d_3 = p[14]
-    m_3 = p[15]
-    I_3 = p[16]
-    K1 = p[17]
-    K2 = p[18]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
+    phi, beta1, beta2, beta3, v, omega = x[2], x[3], x[4], x[5], x[6], x[7]
+    u_r, u_l = u[0], u[1]
+    w_v, w_omega = w[0], w[1]
+    r, b, d, m_C, m_w, I_m, I_C, d_1, m_1, I_1, d_2, m_2, I_2, d_3, m_3, I_3, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16], p[17],
+        p[18]
+    )
     sin_beta1 = sin(beta1)
     d_1_inverse = 1/d_1
     trailer_1_turning_v = -d_1_inverse*sin_beta1
@@ -456,323 +349,314 @@ def state_derivative(x, u, w, p):
     cos_beta1 = cos(beta1)
     sin_beta2 = sin(beta2)
     d_2_inverse = 1/d_2
-    term_3 = d_2_inverse*sin_beta2
-    trailer_2_turning_v = -cos_beta1*term_3
+    sin_beta2_over_d_2 = d_2_inverse*sin_beta2
+    trailer_2_turning_v = -cos_beta1*sin_beta2_over_d_2
     beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
-    term_4 = beta2_dot_v*v
+    beta2_dot_v_times_v = beta2_dot_v*v
     d_3_inverse = 1/d_3
     sin_beta3 = sin(beta3)
     cos_beta2 = cos(beta2)
-    term_6 = cos_beta1*cos_beta2
-    term_7 = sin_beta3*term_6
-    trailer_3_turning_v = -d_3_inverse*term_7
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    term_1 = sin_beta3*cos_beta1_times_cos_beta2
+    trailer_3_turning_v = -d_3_inverse*term_1
     beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
-    term_8 = beta3_dot_v*v
+    beta3_dot_v_times_v = beta3_dot_v*v
     cos_beta1_squared = cos_beta1**2
     cos_beta3 = cos(beta3)
-    trailer_3_forward_v = cos_beta3*term_6
-    term_10 = 2*m_w
-    mass_tractor = m_C + term_10
+    trailer_3_forward_v = cos_beta3*cos_beta1_times_cos_beta2
+    term_2 = 2*m_w
+    mass_tractor = m_C + term_2
     inertia_v_v = (
-            I_1*trailer_1_turning_v**2 + I_2*trailer_2_turning_v**2 + I_3*trailer_3_turning_v**2
-            + cos_beta1_squared*cos_beta2**2*m_2 + cos_beta1_squared*m_1 + m_3*trailer_3_forward_v**2 + mass_tractor
-        )
+        I_1*trailer_1_turning_v**2 + I_2*trailer_2_turning_v**2 + I_3*trailer_3_turning_v**2
+        + cos_beta1_squared*cos_beta2**2*m_2 + cos_beta1_squared*m_1 + m_3*trailer_3_forward_v**2 + mass_tractor
+    )
     r_inverse = 1/r
-    term_12 = beta1_dot*cos_beta1
-    term_13 = beta1_dot*sin_beta1
-    term_14 = cos_beta2*term_13
-    term_15 = cos_beta1*sin_beta2*term_4
-    term_16 = 2*K2/r**2
-    trailer_1_turning_v_dot = -d_1_inverse*term_12
-    trailer_2_turning_v_dot = -d_2_inverse*term_4*term_6 + term_13*term_3
-    trailer_3_forward_v_dot = -cos_beta3*term_14 - cos_beta3*term_15 - term_7*term_8
-    term_17 = d_3_inverse*sin_beta3
-    trailer_3_turning_v_dot = -d_3_inverse*term_8*trailer_3_forward_v + term_14*term_17 + term_15*term_17
+    beta1_dot_times_cos_beta1 = beta1_dot*cos_beta1
+    beta1_dot_times_sin_beta1 = beta1_dot*sin_beta1
+    term_3 = cos_beta2*beta1_dot_times_sin_beta1
+    term_4 = cos_beta1*sin_beta2*beta2_dot_v_times_v
+    term_5 = 2*K2/r**2
+    trailer_1_turning_v_dot = -d_1_inverse*beta1_dot_times_cos_beta1
+    trailer_2_turning_v_dot = (
+        -d_2_inverse*beta2_dot_v_times_v*cos_beta1_times_cos_beta2 + beta1_dot_times_sin_beta1*sin_beta2_over_d_2
+    )
+    trailer_3_forward_v_dot = -cos_beta3*term_3 - cos_beta3*term_4 - term_1*beta3_dot_v_times_v
+    sin_beta3_over_d_3 = d_3_inverse*sin_beta3
+    trailer_3_turning_v_dot = (
+        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + term_3*sin_beta3_over_d_3 + term_4*sin_beta3_over_d_3
+    )
     coriolis_v_v = (
-            I_1*trailer_1_turning_v*trailer_1_turning_v_dot + I_2*trailer_2_turning_v*trailer_2_turning_v_dot
-            + I_3*trailer_3_turning_v*trailer_3_turning_v_dot - m_1*sin_beta1*term_12 + m_2*term_6*(-term_14 - term_15)
-            + m_3*trailer_3_forward_v*trailer_3_forward_v_dot + term_16
-        )
+        I_1*trailer_1_turning_v*trailer_1_turning_v_dot + I_2*trailer_2_turning_v*trailer_2_turning_v_dot
+        + I_3*trailer_3_turning_v*trailer_3_turning_v_dot - m_1*sin_beta1*beta1_dot_times_cos_beta1
+        + m_2*cos_beta1_times_cos_beta2*(-term_3 - term_4) + m_3*trailer_3_forward_v*trailer_3_forward_v_dot + term_5
+    )
     coriolis_omega_v = d*m_C*omega
-    coriolis_v_omega = -coriolis_omega_v
-    force_v = K1*r_inverse*u_l + K1*r_inverse*u_r - coriolis_v_omega*omega - coriolis_v_v*v - w_v
-    v_dot = force_v/inertia_v_v
+    force_v = K1*r_inverse*u_l + K1*r_inverse*u_r + coriolis_omega_v*omega - coriolis_v_v*v - w_v
     b_squared = b**2
-    inertia_tractor = I_C + 2*I_m + b_squared*term_10 + d**2*m_C
-    coriolis_omega_omega = b_squared*term_16
-    force_omega = (
-            -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v - w_omega
-        )
-    omega_dot = force_omega/inertia_tractor
-    out = _empty((8,), x, u, w, p)
-    out[0] = cos_phi*v
-    out[1] = sin_phi*v
+    inertia_tractor = I_C + 2*I_m + b_squared*term_2 + d**2*m_C
+    coriolis_omega_omega = b_squared*term_5
+    force_omega = -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v - w_omega
+    out = _zeros((8,), x, u, w, p)
+    out[0] = cos(phi)*v
+    out[1] = sin(phi)*v
     out[2] = omega
     out[3] = beta1_dot
-    out[4] = term_4
-    out[5] = term_8
-    out[6] = v_dot
-    out[7] = omega_dot
+    out[4] = beta2_dot_v_times_v
+    out[5] = beta3_dot_v_times_v
+    out[6] = force_v/inertia_v_v
+    out[7] = force_omega/inertia_tractor
     return out
 
 
 @_function(x=8, u=2, w=2, p=19)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (8,)
     u: motor voltages, (2,)
     w: generalized forces on v, Fbar + taubar_d, (2,)
     p: physical parameters, (19,)
-    Returns: shape (2n-m, 2n-m) = (8, 8); 393 operations.
+    Returns: shape (2n-m, 2n-m) = (8, 8); 389 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    beta3 = x[5]
-    v = x[6]
-    omega = x[7]
-    u_r = u[0]
-    u_l = u[1]
+    phi, beta1, beta2, beta3, v, omega = x[2], x[3], x[4], x[5], x[6], x[7]
+    u_r, u_l = u[0], u[1]
     w_v = w[0]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    d_1 = p[8]
-    m_1 = p[9]
-    I_1 = p[10]
-    d_2 = p[11]
-    m_2 = p[12]
-    I_2 = p[13]
-    d_3 = p[14]
-    m_3 = p[15]
-    I_3 = p[16]
-    K1 = p[17]
-    K2 = p[18]
+    r, b, d, m_C, m_w, I_m, I_C, d_1, m_1, I_1, d_2, m_2, I_2, d_3, m_3, I_3, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16], p[17],
+        p[18]
+    )
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     cos_beta1 = cos(beta1)
     d_1_inverse = 1/d_1
     trailer_1_turning_v_dot_by_omega = cos_beta1*d_1_inverse
-    trailer_1_turning_v_by_beta1 = -trailer_1_turning_v_dot_by_omega
-    term_2 = trailer_1_turning_v_by_beta1*v
+    term_1 = -trailer_1_turning_v_dot_by_omega*v
     sin_beta1 = sin(beta1)
-    term_3 = d_1_inverse*sin_beta1
-    trailer_1_turning_v = -term_3
+    sin_beta1_over_d_1 = d_1_inverse*sin_beta1
+    trailer_1_turning_v = -sin_beta1_over_d_1
     sin_beta2 = sin(beta2)
     d_2_inverse = 1/d_2
-    term_5 = d_2_inverse*sin_beta2
-    trailer_2_turning_v_by_beta1 = sin_beta1*term_5
-    beta2_dot_v_by_beta1 = -trailer_1_turning_v_by_beta1 + trailer_2_turning_v_by_beta1
-    term_6 = beta2_dot_v_by_beta1*v
+    sin_beta2_over_d_2 = d_2_inverse*sin_beta2
+    trailer_2_turning_v_by_beta1 = sin_beta1*sin_beta2_over_d_2
+    beta2_dot_v_by_beta1 = trailer_1_turning_v_dot_by_omega + trailer_2_turning_v_by_beta1
+    beta2_dot_v_by_beta1_times_v = beta2_dot_v_by_beta1*v
     cos_beta2 = cos(beta2)
-    term_7 = cos_beta1*cos_beta2
-    term_8 = d_2_inverse*term_7
-    trailer_2_turning_v_by_beta2 = -term_8
-    term_9 = trailer_2_turning_v_by_beta2*v
-    term_10 = cos_beta1*term_5
-    trailer_2_turning_v = -term_10
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    trailer_2_turning_v_by_beta2 = -d_2_inverse*cos_beta1_times_cos_beta2
+    term_2 = trailer_2_turning_v_by_beta2*v
+    term_3 = cos_beta1*sin_beta2_over_d_2
+    trailer_2_turning_v = -term_3
     beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
-    term_11 = cos_beta2*sin_beta1
+    cos_beta2_times_sin_beta1 = cos_beta2*sin_beta1
     sin_beta3 = sin(beta3)
     d_3_inverse = 1/d_3
-    term_13 = d_3_inverse*sin_beta3
-    trailer_3_turning_v_by_beta1 = term_11*term_13
+    sin_beta3_over_d_3 = d_3_inverse*sin_beta3
+    trailer_3_turning_v_by_beta1 = cos_beta2_times_sin_beta1*sin_beta3_over_d_3
     beta3_dot_v_by_beta1 = -trailer_2_turning_v_by_beta1 + trailer_3_turning_v_by_beta1
-    term_14 = beta3_dot_v_by_beta1*v
-    term_15 = cos_beta1*sin_beta2
-    trailer_3_turning_v_by_beta2 = term_13*term_15
+    beta3_dot_v_by_beta1_times_v = beta3_dot_v_by_beta1*v
+    cos_beta1_times_sin_beta2 = cos_beta1*sin_beta2
+    trailer_3_turning_v_by_beta2 = sin_beta3_over_d_3*cos_beta1_times_sin_beta2
     beta3_dot_v_by_beta2 = -trailer_2_turning_v_by_beta2 + trailer_3_turning_v_by_beta2
-    term_16 = beta3_dot_v_by_beta2*v
+    beta3_dot_v_by_beta2_times_v = beta3_dot_v_by_beta2*v
     cos_beta3 = cos(beta3)
-    trailer_3_forward_v = cos_beta3*term_7
-    term_17 = d_3_inverse*trailer_3_forward_v
-    trailer_3_turning_v_by_beta3 = -term_17
-    term_18 = trailer_3_turning_v_by_beta3*v
-    term_19 = sin_beta3*term_7
-    term_20 = d_3_inverse*term_19
-    trailer_3_turning_v = -term_20
+    trailer_3_forward_v = cos_beta3*cos_beta1_times_cos_beta2
+    trailer_3_turning_v_by_beta3 = -d_3_inverse*trailer_3_forward_v
+    term_4 = trailer_3_turning_v_by_beta3*v
+    term_5 = sin_beta3*cos_beta1_times_cos_beta2
+    term_6 = d_3_inverse*term_5
+    trailer_3_turning_v = -term_6
     beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
     cos_beta1_squared = cos_beta1**2
-    term_22 = cos_beta1_squared*m_1
-    term_23 = cos_beta2**2*m_2
-    term_24 = 2*m_w
-    mass_tractor = m_C + term_24
+    cos_beta1_squared_times_m_1 = cos_beta1_squared*m_1
+    cos_beta2_squared_times_m_2 = cos_beta2**2*m_2
+    term_7 = 2*m_w
+    mass_tractor = m_C + term_7
     inertia_v_v = (
-            I_1*trailer_1_turning_v**2 + I_2*trailer_2_turning_v**2 + I_3*trailer_3_turning_v**2
-            + cos_beta1_squared*term_23 + m_3*trailer_3_forward_v**2 + mass_tractor + term_22
-        )
+        I_1*trailer_1_turning_v**2 + I_2*trailer_2_turning_v**2 + I_3*trailer_3_turning_v**2
+        + cos_beta1_squared*cos_beta2_squared_times_m_2 + m_3*trailer_3_forward_v**2 + mass_tractor
+        + cos_beta1_squared_times_m_1
+    )
     inertia_v_v_inverse = 1/inertia_v_v
-    term_26 = inertia_v_v_inverse*v
+    v_over_inertia_v_v = inertia_v_v_inverse*v
     r_inverse = 1/r
-    term_28 = I_1*trailer_1_turning_v
-    term_29 = I_2*trailer_2_turning_v
-    term_30 = I_3*trailer_3_turning_v
-    term_31 = m_3*trailer_3_forward_v
-    term_32 = 2*K2/r**2
+    I_1_times_trailer_1_turning_v = I_1*trailer_1_turning_v
+    I_2_times_trailer_2_turning_v = I_2*trailer_2_turning_v
+    I_3_times_trailer_3_turning_v = I_3*trailer_3_turning_v
+    m_3_times_trailer_3_forward_v = m_3*trailer_3_forward_v
+    term_8 = 2*K2/r**2
     beta1_dot = -omega + trailer_1_turning_v*v
-    term_33 = beta1_dot*m_1
-    term_34 = cos_beta1*sin_beta1
-    term_35 = beta1_dot*term_11
-    term_36 = beta2_dot_v*v
-    term_37 = term_15*term_36
-    term_38 = -term_35 - term_37
-    term_39 = m_2*term_7
+    beta1_dot_times_m_1 = beta1_dot*m_1
+    cos_beta1_times_sin_beta1 = cos_beta1*sin_beta1
+    term_9 = beta1_dot*cos_beta2_times_sin_beta1
+    beta2_dot_v_times_v = beta2_dot_v*v
+    term_10 = cos_beta1_times_sin_beta2*beta2_dot_v_times_v
+    term_11 = -term_9 - term_10
+    term_12 = m_2*cos_beta1_times_cos_beta2
     trailer_1_turning_v_dot = -beta1_dot*trailer_1_turning_v_dot_by_omega
-    trailer_2_turning_v_dot = beta1_dot*trailer_2_turning_v_by_beta1 - term_36*term_8
-    term_40 = cos_beta3*term_35
-    term_41 = cos_beta3*term_15
-    term_42 = term_36*term_41
-    term_43 = beta3_dot_v*term_19
-    trailer_3_forward_v_dot = -term_40 - term_42 - term_43*v
-    term_44 = beta3_dot_v*v
-    trailer_3_turning_v_dot = term_13*term_35 + term_13*term_37 - term_17*term_44
+    trailer_2_turning_v_dot = beta1_dot*trailer_2_turning_v_by_beta1 + beta2_dot_v_times_v*trailer_2_turning_v_by_beta2
+    term_13 = cos_beta3*term_9
+    trailer_3_forward_v_by_beta2 = -cos_beta3*cos_beta1_times_sin_beta2
+    term_14 = -beta2_dot_v_times_v*trailer_3_forward_v_by_beta2
+    term_15 = beta3_dot_v*term_5
+    trailer_3_forward_v_dot = -term_13 - term_14 - term_15*v
+    beta3_dot_v_times_v = beta3_dot_v*v
+    trailer_3_turning_v_dot = (
+        sin_beta3_over_d_3*term_9 + sin_beta3_over_d_3*term_10 + trailer_3_turning_v_by_beta3*beta3_dot_v_times_v
+    )
     coriolis_v_v = (
-            term_28*trailer_1_turning_v_dot + term_29*trailer_2_turning_v_dot + term_30*trailer_3_turning_v_dot
-            + term_31*trailer_3_forward_v_dot + term_32 - term_33*term_34 + term_38*term_39
-        )
-    term_45 = d*m_C
-    coriolis_omega_v = omega*term_45
-    coriolis_v_omega = -coriolis_omega_v
-    force_v = K1*r_inverse*u_l + K1*r_inverse*u_r - coriolis_v_omega*omega - coriolis_v_v*v - w_v
-    term_46 = force_v/inertia_v_v**2
-    term_47 = beta1_dot*term_7
-    term_48 = I_2*trailer_2_turning_v_dot
-    term_49 = I_3*trailer_3_turning_v_dot
-    term_50 = m_3*trailer_3_forward_v_dot
-    term_51 = cos_beta1_squared*cos_beta2*m_2*sin_beta2
-    term_52 = m_1*term_34
-    term_53 = term_23*term_34
-    term_54 = term_52 + term_53
-    term_55 = -term_54
-    term_56 = m_2*term_38
-    trailer_1_turning_v_dot_by_beta1 = beta1_dot*term_3 - term_2*trailer_1_turning_v_dot_by_omega
+        I_1_times_trailer_1_turning_v*trailer_1_turning_v_dot + I_2_times_trailer_2_turning_v*trailer_2_turning_v_dot
+        + I_3_times_trailer_3_turning_v*trailer_3_turning_v_dot + m_3_times_trailer_3_forward_v*trailer_3_forward_v_dot
+        + term_8 - beta1_dot_times_m_1*cos_beta1_times_sin_beta1 + term_11*term_12
+    )
+    d_times_m_C = d*m_C
+    coriolis_omega_v = omega*d_times_m_C
+    force_v = K1*r_inverse*u_l + K1*r_inverse*u_r + coriolis_omega_v*omega - coriolis_v_v*v - w_v
+    term_16 = force_v/inertia_v_v**2
+    term_17 = beta1_dot*cos_beta1_times_cos_beta2
+    term_18 = I_2*trailer_2_turning_v_dot
+    term_19 = I_3*trailer_3_turning_v_dot
+    term_20 = m_3*trailer_3_forward_v_dot
+    term_21 = cos_beta1_squared*cos_beta2*m_2*sin_beta2
+    term_22 = m_1*cos_beta1_times_sin_beta1
+    term_23 = cos_beta2_squared_times_m_2*cos_beta1_times_sin_beta1
+    term_24 = term_22 + term_23
+    term_25 = m_2*term_11
+    trailer_1_turning_v_dot_by_beta1 = beta1_dot*sin_beta1_over_d_1 - term_1*trailer_1_turning_v_dot_by_omega
     trailer_2_turning_v_dot_by_beta1 = (
-            beta1_dot*term_10 + d_2_inverse*term_11*term_36 + term_2*trailer_2_turning_v_by_beta1 - term_6*term_8
-        )
-    trailer_3_forward_v_dot_by_omega = cos_beta3*term_11
-    trailer_3_forward_v_by_beta1 = -trailer_3_forward_v_dot_by_omega
+        beta1_dot*term_3 + d_2_inverse*cos_beta2_times_sin_beta1*beta2_dot_v_times_v
+        + term_1*trailer_2_turning_v_by_beta1 + beta2_dot_v_by_beta1_times_v*trailer_2_turning_v_by_beta2
+    )
+    trailer_3_forward_v_dot_by_omega = cos_beta3*cos_beta2_times_sin_beta1
     trailer_3_forward_v_dot_by_beta1 = (
-            -beta1_dot*trailer_3_forward_v + beta2_dot_v*cos_beta3*sin_beta1*sin_beta2*v
-            + beta3_dot_v*cos_beta2*sin_beta1*sin_beta3*v - term_14*term_19 - term_2*trailer_3_forward_v_dot_by_omega
-            - term_41*term_6
-        )
-    term_57 = d_3_inverse*term_44
-    term_58 = sin_beta1*sin_beta2
+        -beta1_dot*trailer_3_forward_v + beta2_dot_v*cos_beta3*sin_beta1*sin_beta2*v
+        + beta3_dot_v*cos_beta2*sin_beta1*sin_beta3*v - beta3_dot_v_by_beta1_times_v*term_5
+        - term_1*trailer_3_forward_v_dot_by_omega + trailer_3_forward_v_by_beta2*beta2_dot_v_by_beta1_times_v
+    )
+    beta3_dot_v_times_v_over_d_3 = d_3_inverse*beta3_dot_v_times_v
+    sin_beta1_times_sin_beta2 = sin_beta1*sin_beta2
     trailer_3_turning_v_dot_by_beta1 = (
-            -term_13*term_36*term_58 + term_13*term_47 - term_14*term_17 + term_2*trailer_3_turning_v_by_beta1
-            + term_57*trailer_3_forward_v_dot_by_omega + term_6*trailer_3_turning_v_by_beta2
-        )
+        -sin_beta3_over_d_3*beta2_dot_v_times_v*sin_beta1_times_sin_beta2 + sin_beta3_over_d_3*term_17
+        + beta3_dot_v_by_beta1_times_v*trailer_3_turning_v_by_beta3 + term_1*trailer_3_turning_v_by_beta1
+        + beta3_dot_v_times_v_over_d_3*trailer_3_forward_v_dot_by_omega
+        + beta2_dot_v_by_beta1_times_v*trailer_3_turning_v_by_beta2
+    )
     coriolis_v_v_by_beta1 = (
-            I_1*trailer_1_turning_v_by_beta1*trailer_1_turning_v_dot - beta1_dot*term_22 + sin_beta1**2*term_33
-            - term_11*term_56 + term_2*term_55 + term_28*trailer_1_turning_v_dot_by_beta1
-            + term_29*trailer_2_turning_v_dot_by_beta1 + term_30*trailer_3_turning_v_dot_by_beta1
-            + term_31*trailer_3_forward_v_dot_by_beta1 + term_39*(beta2_dot_v*sin_beta1*sin_beta2*v - term_47)
-            + term_48*trailer_2_turning_v_by_beta1 + term_49*trailer_3_turning_v_by_beta1
-            + term_50*trailer_3_forward_v_by_beta1 - term_51*term_6
-        )
-    term_59 = term_29*trailer_2_turning_v_by_beta1
-    term_60 = term_30*trailer_3_turning_v_by_beta1
-    term_61 = 2*term_31
+        -I_1*trailer_1_turning_v_dot_by_omega*trailer_1_turning_v_dot - beta1_dot*cos_beta1_squared_times_m_1
+        + sin_beta1**2*beta1_dot_times_m_1 - cos_beta2_times_sin_beta1*term_25 - term_1*term_24
+        + I_1_times_trailer_1_turning_v*trailer_1_turning_v_dot_by_beta1
+        + I_2_times_trailer_2_turning_v*trailer_2_turning_v_dot_by_beta1
+        + I_3_times_trailer_3_turning_v*trailer_3_turning_v_dot_by_beta1
+        + m_3_times_trailer_3_forward_v*trailer_3_forward_v_dot_by_beta1
+        + term_12*(beta2_dot_v*sin_beta1*sin_beta2*v - term_17) + term_18*trailer_2_turning_v_by_beta1
+        + term_19*trailer_3_turning_v_by_beta1 - term_20*trailer_3_forward_v_dot_by_omega
+        - term_21*beta2_dot_v_by_beta1_times_v
+    )
+    term_26 = I_2_times_trailer_2_turning_v*trailer_2_turning_v_by_beta1
+    term_27 = I_3_times_trailer_3_turning_v*trailer_3_turning_v_by_beta1
+    term_28 = 2*m_3_times_trailer_3_forward_v
     inertia_v_v_by_beta1 = (
-            2*term_28*trailer_1_turning_v_by_beta1 - 2*term_52 - 2*term_53 + 2*term_59 + 2*term_60
-            + term_61*trailer_3_forward_v_by_beta1
-        )
-    v_dot_by_beta1 = -coriolis_v_v_by_beta1*term_26 - inertia_v_v_by_beta1*term_46
-    term_62 = beta1_dot*term_58
-    trailer_2_turning_v_dot_by_beta2 = d_2_inverse*term_35 + term_10*term_36 - term_8*term_9
-    trailer_3_forward_v_by_beta2 = -term_41
+        -2*I_1_times_trailer_1_turning_v*trailer_1_turning_v_dot_by_omega - 2*term_22 - 2*term_23 + 2*term_26
+        + 2*term_27 - term_28*trailer_3_forward_v_dot_by_omega
+    )
+    v_dot_by_beta1 = -coriolis_v_v_by_beta1*v_over_inertia_v_v - inertia_v_v_by_beta1*term_16
+    term_29 = beta1_dot*sin_beta1_times_sin_beta2
+    trailer_2_turning_v_dot_by_beta2 = (
+        d_2_inverse*term_9 + term_3*beta2_dot_v_times_v + trailer_2_turning_v_by_beta2*term_2
+    )
     trailer_3_forward_v_dot_by_beta2 = (
-            beta1_dot*cos_beta3*sin_beta1*sin_beta2 + beta3_dot_v*cos_beta1*sin_beta2*sin_beta3*v - term_16*term_19
-            - term_36*trailer_3_forward_v - term_41*term_9
-        )
+        beta1_dot*cos_beta3*sin_beta1*sin_beta2 + beta3_dot_v*cos_beta1*sin_beta2*sin_beta3*v
+        - beta3_dot_v_by_beta2_times_v*term_5 - beta2_dot_v_times_v*trailer_3_forward_v
+        + trailer_3_forward_v_by_beta2*term_2
+    )
     trailer_3_turning_v_dot_by_beta2 = (
-            -term_13*term_62 - term_16*term_17 + term_20*term_36 + term_41*term_57 + term_9*trailer_3_turning_v_by_beta2
-        )
+        -sin_beta3_over_d_3*term_29 + beta3_dot_v_by_beta2_times_v*trailer_3_turning_v_by_beta3
+        + term_6*beta2_dot_v_times_v - trailer_3_forward_v_by_beta2*beta3_dot_v_times_v_over_d_3
+        + term_2*trailer_3_turning_v_by_beta2
+    )
     coriolis_v_v_by_beta2 = (
-            -term_15*term_56 + term_29*trailer_2_turning_v_dot_by_beta2 + term_30*trailer_3_turning_v_dot_by_beta2
-            + term_31*trailer_3_forward_v_dot_by_beta2 + term_39*(-term_36*term_7 + term_62)
-            + term_48*trailer_2_turning_v_by_beta2 + term_49*trailer_3_turning_v_by_beta2
-            + term_50*trailer_3_forward_v_by_beta2 - term_51*term_9
-        )
-    term_63 = 2*term_30
+        -cos_beta1_times_sin_beta2*term_25 + I_2_times_trailer_2_turning_v*trailer_2_turning_v_dot_by_beta2
+        + I_3_times_trailer_3_turning_v*trailer_3_turning_v_dot_by_beta2
+        + m_3_times_trailer_3_forward_v*trailer_3_forward_v_dot_by_beta2
+        + term_12*(-beta2_dot_v_times_v*cos_beta1_times_cos_beta2 + term_29) + term_18*trailer_2_turning_v_by_beta2
+        + term_19*trailer_3_turning_v_by_beta2 + term_20*trailer_3_forward_v_by_beta2 - term_21*term_2
+    )
+    term_30 = 2*I_3_times_trailer_3_turning_v
     inertia_v_v_by_beta2 = (
-            2*term_29*trailer_2_turning_v_by_beta2 - 2*term_51 + term_61*trailer_3_forward_v_by_beta2
-            + term_63*trailer_3_turning_v_by_beta2
-        )
-    v_dot_by_beta2 = -coriolis_v_v_by_beta2*term_26 - inertia_v_v_by_beta2*term_46
-    trailer_3_forward_v_by_beta3 = -term_19
+        2*I_2_times_trailer_2_turning_v*trailer_2_turning_v_by_beta2 - 2*term_21 + term_28*trailer_3_forward_v_by_beta2
+        + term_30*trailer_3_turning_v_by_beta2
+    )
+    v_dot_by_beta2 = -coriolis_v_v_by_beta2*v_over_inertia_v_v - inertia_v_v_by_beta2*term_16
+    trailer_3_forward_v_by_beta3 = -term_5
     trailer_3_forward_v_dot_by_beta3 = (
-            sin_beta3*term_35 + sin_beta3*term_37 - term_18*term_19 - term_44*trailer_3_forward_v
-        )
-    trailer_3_turning_v_dot_by_beta3 = d_3_inverse*term_40 + d_3_inverse*term_42 - term_17*term_18 + term_20*term_44
+        sin_beta3*term_9 + sin_beta3*term_10 - term_4*term_5 - beta3_dot_v_times_v*trailer_3_forward_v
+    )
+    trailer_3_turning_v_dot_by_beta3 = (
+        d_3_inverse*term_13 + d_3_inverse*term_14 + trailer_3_turning_v_by_beta3*term_4 + term_6*beta3_dot_v_times_v
+    )
     coriolis_v_v_by_beta3 = (
-            term_30*trailer_3_turning_v_dot_by_beta3 + term_31*trailer_3_forward_v_dot_by_beta3
-            + term_49*trailer_3_turning_v_by_beta3 + term_50*trailer_3_forward_v_by_beta3
-        )
-    inertia_v_v_by_beta3 = term_61*trailer_3_forward_v_by_beta3 + term_63*trailer_3_turning_v_by_beta3
-    v_dot_by_beta3 = -coriolis_v_v_by_beta3*term_26 - inertia_v_v_by_beta3*term_46
+        I_3_times_trailer_3_turning_v*trailer_3_turning_v_dot_by_beta3
+        + m_3_times_trailer_3_forward_v*trailer_3_forward_v_dot_by_beta3 + term_19*trailer_3_turning_v_by_beta3
+        + term_20*trailer_3_forward_v_by_beta3
+    )
+    inertia_v_v_by_beta3 = term_28*trailer_3_forward_v_by_beta3 + term_30*trailer_3_turning_v_by_beta3
+    v_dot_by_beta3 = -coriolis_v_v_by_beta3*v_over_inertia_v_v - inertia_v_v_by_beta3*term_16
     trailer_1_turning_v_dot_by_v = -trailer_1_turning_v*trailer_1_turning_v_dot_by_omega
-    trailer_2_turning_v_dot_by_v = -beta2_dot_v*term_8 + d_2_inverse*sin_beta1*sin_beta2*trailer_1_turning_v
+    trailer_2_turning_v_dot_by_v = (
+        beta2_dot_v*trailer_2_turning_v_by_beta2 + d_2_inverse*sin_beta1*sin_beta2*trailer_1_turning_v
+    )
     trailer_3_forward_v_dot_by_v = (
-            -beta2_dot_v*term_41 - term_43 - trailer_1_turning_v*trailer_3_forward_v_dot_by_omega
-        )
+        beta2_dot_v*trailer_3_forward_v_by_beta2 - term_15 - trailer_1_turning_v*trailer_3_forward_v_dot_by_omega
+    )
     trailer_3_turning_v_dot_by_v = (
-            beta2_dot_v*trailer_3_turning_v_by_beta2 - beta3_dot_v*term_17
-            + trailer_1_turning_v*trailer_3_turning_v_by_beta1
-        )
+        beta2_dot_v*trailer_3_turning_v_by_beta2 + beta3_dot_v*trailer_3_turning_v_by_beta3
+        + trailer_1_turning_v*trailer_3_turning_v_by_beta1
+    )
     coriolis_v_v_by_v = (
-            -beta2_dot_v*term_51 + term_28*trailer_1_turning_v_dot_by_v + term_29*trailer_2_turning_v_dot_by_v
-            + term_30*trailer_3_turning_v_dot_by_v + term_31*trailer_3_forward_v_dot_by_v + term_55*trailer_1_turning_v
-        )
+        -beta2_dot_v*term_21 + I_1_times_trailer_1_turning_v*trailer_1_turning_v_dot_by_v
+        + I_2_times_trailer_2_turning_v*trailer_2_turning_v_dot_by_v
+        + I_3_times_trailer_3_turning_v*trailer_3_turning_v_dot_by_v
+        + m_3_times_trailer_3_forward_v*trailer_3_forward_v_dot_by_v - term_24*trailer_1_turning_v
+    )
     force_v_by_v = -coriolis_v_v - coriolis_v_v_by_v*v
-    v_dot_by_v = force_v_by_v*inertia_v_v_inverse
     coriolis_v_v_by_omega = (
-            term_28*trailer_1_turning_v_dot_by_omega + term_31*trailer_3_forward_v_dot_by_omega + term_54 - term_59
-            - term_60
-        )
-    force_v_by_omega = -2*coriolis_v_omega - coriolis_v_v_by_omega*v
-    v_dot_by_omega = force_v_by_omega*inertia_v_v_inverse
+        I_1_times_trailer_1_turning_v*trailer_1_turning_v_dot_by_omega
+        + m_3_times_trailer_3_forward_v*trailer_3_forward_v_dot_by_omega + term_24 - term_26 - term_27
+    )
+    force_v_by_omega = 2*coriolis_omega_v - coriolis_v_v_by_omega*v
     b_squared = b**2
-    inertia_tractor = I_C + 2*I_m + b_squared*term_24 + d**2*m_C
+    inertia_tractor = I_C + 2*I_m + b_squared*term_7 + d**2*m_C
     inertia_tractor_inverse = 1/inertia_tractor
-    omega_dot_by_v = -coriolis_omega_v*inertia_tractor_inverse
-    coriolis_omega_omega = b_squared*term_32
-    force_omega_by_omega = -coriolis_omega_omega - term_45*v
-    omega_dot_by_omega = force_omega_by_omega*inertia_tractor_inverse
+    coriolis_omega_omega = b_squared*term_8
+    force_omega_by_omega = -coriolis_omega_omega - d_times_m_C*v
     out = _zeros((8, 8), x, u, w, p)
     out[0, 2] = -sin_phi*v
     out[0, 6] = cos_phi
     out[1, 2] = cos_phi*v
     out[1, 6] = sin_phi
     out[2, 7] = 1
-    out[3, 3] = term_2
+    out[3, 3] = term_1
     out[3, 6] = trailer_1_turning_v
     out[3, 7] = -1
-    out[4, 3] = term_6
-    out[4, 4] = term_9
+    out[4, 3] = beta2_dot_v_by_beta1_times_v
+    out[4, 4] = term_2
     out[4, 6] = beta2_dot_v
-    out[5, 3] = term_14
-    out[5, 4] = term_16
-    out[5, 5] = term_18
+    out[5, 3] = beta3_dot_v_by_beta1_times_v
+    out[5, 4] = beta3_dot_v_by_beta2_times_v
+    out[5, 5] = term_4
     out[5, 6] = beta3_dot_v
     out[6, 3] = v_dot_by_beta1
     out[6, 4] = v_dot_by_beta2
     out[6, 5] = v_dot_by_beta3
-    out[6, 6] = v_dot_by_v
-    out[6, 7] = v_dot_by_omega
-    out[7, 6] = omega_dot_by_v
-    out[7, 7] = omega_dot_by_omega
+    out[6, 6] = force_v_by_v*inertia_v_v_inverse
+    out[6, 7] = force_v_by_omega*inertia_v_v_inverse
+    out[7, 6] = -coriolis_omega_v*inertia_tractor_inverse
+    out[7, 7] = force_omega_by_omega*inertia_tractor_inverse
     return out
 
 
 @_function(x=8, u=2, w=2, p=19)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (8,)
     u: motor voltages, (2,)
@@ -780,52 +664,30 @@ def input_jacobian(x, u, w, p):
     p: physical parameters, (19,)
     Returns: shape (2n-m, n_u) = (8, 2); 50 operations.
     """
-    beta1 = x[3]
-    beta2 = x[4]
-    beta3 = x[5]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    d_1 = p[8]
-    m_1 = p[9]
-    I_1 = p[10]
-    d_2 = p[11]
-    m_2 = p[12]
-    I_2 = p[13]
-    d_3 = p[14]
-    m_3 = p[15]
-    I_3 = p[16]
-    K1 = p[17]
+    beta1, beta2, beta3 = x[3], x[4], x[5]
+    r, b, d, m_C, m_w, I_m, I_C, d_1, m_1, I_1, d_2, m_2, I_2, d_3, m_3, I_3, K1 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16], p[17]
+    )
     cos_beta2 = cos(beta2)
     cos_beta1 = cos(beta1)
     cos_beta1_squared = cos_beta1**2
-    sin_beta1 = sin(beta1)
-    trailer_1_turning_v = -sin_beta1/d_1
-    sin_beta2 = sin(beta2)
-    trailer_2_turning_v = -cos_beta1*sin_beta2/d_2
-    sin_beta3 = sin(beta3)
-    term_2 = cos_beta1*cos_beta2
-    trailer_3_turning_v = -sin_beta3*term_2/d_3
-    cos_beta3 = cos(beta3)
-    trailer_3_forward_v = cos_beta3*term_2
-    term_3 = 2*m_w
-    mass_tractor = m_C + term_3
+    trailer_1_turning_v = -sin(beta1)/d_1
+    trailer_2_turning_v = -cos_beta1*sin(beta2)/d_2
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    trailer_3_turning_v = -sin(beta3)*cos_beta1_times_cos_beta2/d_3
+    trailer_3_forward_v = cos(beta3)*cos_beta1_times_cos_beta2
+    term_1 = 2*m_w
+    mass_tractor = m_C + term_1
     inertia_v_v = (
-            I_1*trailer_1_turning_v**2 + I_2*trailer_2_turning_v**2 + I_3*trailer_3_turning_v**2
-            + cos_beta1_squared*cos_beta2**2*m_2 + cos_beta1_squared*m_1 + m_3*trailer_3_forward_v**2 + mass_tractor
-        )
+        I_1*trailer_1_turning_v**2 + I_2*trailer_2_turning_v**2 + I_3*trailer_3_turning_v**2
+        + cos_beta1_squared*cos_beta2**2*m_2 + cos_beta1_squared*m_1 + m_3*trailer_3_forward_v**2 + mass_tractor
+    )
     force_v_by_u_r = K1/r
-    v_dot_by_u_r = force_v_by_u_r/inertia_v_v
-    inertia_tractor = I_C + 2*I_m + b**2*term_3 + d**2*m_C
+    inertia_tractor = I_C + 2*I_m + b**2*term_1 + d**2*m_C
     force_omega_by_u_r = b*force_v_by_u_r
     omega_dot_by_u_r = force_omega_by_u_r/inertia_tractor
     out = _zeros((8, 2), x, u, w, p)
-    out[6, 0] = v_dot_by_u_r
-    out[6, 1] = v_dot_by_u_r
+    out[6, 0] = out[6, 1] = force_v_by_u_r/inertia_v_v
     out[7, 0] = omega_dot_by_u_r
     out[7, 1] = -omega_dot_by_u_r
     return out
@@ -833,53 +695,39 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=19)
 def base_parameters(p):
-    """theta(p), inverse form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (19,)
     Returns: shape (n_theta,) = (9,); 50 operations.
     """
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    d_1 = p[8]
-    m_1 = p[9]
-    I_1 = p[10]
-    d_2 = p[11]
-    m_2 = p[12]
-    I_2 = p[13]
-    d_3 = p[14]
-    m_3 = p[15]
-    I_3 = p[16]
-    K1 = p[17]
-    K2 = p[18]
+    r, b, d, m_C, m_w, I_m, I_C, d_1, m_1, I_1, d_2, m_2, I_2, d_3, m_3, I_3, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16], p[17],
+        p[18]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse*r/2
-    term_3 = term_2/b
+    term_1 = K1_inverse*r/2
+    term_2 = term_1/b
     b_squared = b**2
     coriolis_omega_omega = 2*K2*b_squared/r**2
-    term_5 = d*m_C
-    term_6 = 2*m_w
-    mass_tractor = m_C + term_6
-    term_7 = mass_tractor*term_2
+    d_times_m_C = d*m_C
+    term_3 = 2*m_w
+    mass_tractor = m_C + term_3
+    term_4 = mass_tractor*term_1
     d_2_squared = d_2**2
-    term_9 = m_1*term_2
-    term_10 = m_2*term_2
+    term_5 = m_1*term_1
+    term_6 = m_2*term_1
     d_3_squared = d_3**2
-    inertia_tractor = I_C + 2*I_m + b_squared*term_6 + d**2*m_C
-    out = _empty((9,), p)
-    out[0] = coriolis_omega_omega*term_3
+    inertia_tractor = I_C + 2*I_m + b_squared*term_3 + d**2*m_C
+    out = _zeros((9,), p)
+    out[0] = coriolis_omega_omega*term_2
     out[1] = K1_inverse*K2/r
-    out[2] = term_2*term_5
-    out[3] = term_3*term_5
-    out[4] = I_1*term_2 + d_1**2*term_7
-    out[5] = I_2*term_2 + d_2_squared*term_7 + d_2_squared*term_9
-    out[6] = m_3*term_2 + term_10 + term_7 + term_9
-    out[7] = I_3*term_2 + d_3_squared*term_10 + d_3_squared*term_7 + d_3_squared*term_9
-    out[8] = inertia_tractor*term_3
+    out[2] = term_1*d_times_m_C
+    out[3] = term_2*d_times_m_C
+    out[4] = I_1*term_1 + d_1**2*term_4
+    out[5] = I_2*term_1 + d_2_squared*term_4 + d_2_squared*term_5
+    out[6] = m_3*term_1 + term_6 + term_4 + term_5
+    out[7] = I_3*term_1 + d_3_squared*term_6 + d_3_squared*term_4 + d_3_squared*term_5
+    out[8] = inertia_tractor*term_2
     return out
 
 
@@ -891,15 +739,11 @@ def output(q, c):
     c: known constants, (4,)
     Returns: shape (n-m,) = (2,); 6 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
+    x, y, phi = q[0], q[1], q[2]
     L = c[0]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
-    out = _empty((2,), q, c)
-    out[0] = L*cos_phi + x
-    out[1] = L*sin_phi + y
+    out = _zeros((2,), q, c)
+    out[0] = L*cos(phi) + x
+    out[1] = L*sin(phi) + y
     return out
 
 
@@ -913,13 +757,10 @@ def output_jacobian(q, c):
     """
     phi = q[2]
     L = c[0]
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
     out = _zeros((2, 6), q, c)
-    out[0, 0] = 1
-    out[0, 2] = -L*sin_phi
-    out[1, 1] = 1
-    out[1, 2] = L*cos_phi
+    out[0, 0] = out[1, 1] = 1
+    out[0, 2] = -L*sin(phi)
+    out[1, 2] = L*cos(phi)
     return out
 
 
@@ -931,68 +772,50 @@ def output_rate(x, c):
     c: known constants, (4,)
     Returns: shape (n-m,) = (2,); 9 operations.
     """
-    phi = x[2]
-    v = x[6]
-    omega = x[7]
+    phi, v, omega = x[2], x[6], x[7]
     L = c[0]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    term_1 = L*omega
-    out = _empty((2,), x, c)
-    out[0] = cos_phi*v - sin_phi*term_1
-    out[1] = cos_phi*term_1 + sin_phi*v
+    L_times_omega = L*omega
+    out = _zeros((2,), x, c)
+    out[0] = cos_phi*v - sin_phi*L_times_omega
+    out[1] = cos_phi*L_times_omega + sin_phi*v
     return out
 
 
 @_function(x=8, c=4)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (8,)
     c: known constants, (4,)
     Returns: shape (n-m,) = (2,); 13 operations.
     """
-    phi = x[2]
-    v = x[6]
-    omega = x[7]
+    phi, v, omega = x[2], x[6], x[7]
     L = c[0]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    term_1 = L*omega**2
-    out = _empty((2,), x, c)
-    out[0] = -cos_phi*term_1 - omega*sin_phi*v
-    out[1] = cos_phi*omega*v - sin_phi*term_1
+    L_times_omega_squared = L*omega**2
+    out = _zeros((2,), x, c)
+    out[0] = -cos_phi*L_times_omega_squared - omega*sin_phi*v
+    out[1] = cos_phi*omega*v - sin_phi*L_times_omega_squared
     return out
 
 
 @_function(x=8, theta=9, c=4)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (8,)
     theta: base parameters, (9,)
     c: known constants, (4,)
     Returns: shape (n-m,) = (2,); 107 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    beta3 = x[5]
-    v = x[6]
-    omega = x[7]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta8 = theta[7]
-    theta9 = theta[8]
-    L = c[0]
-    d_1 = c[1]
-    d_2 = c[2]
-    d_3 = c[3]
+    phi, beta1, beta2, beta3, v, omega = x[2], x[3], x[4], x[5], x[6], x[7]
+    theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8, theta9 = (
+        theta[0], theta[1], theta[2], theta[3], theta[4], theta[5], theta[6], theta[7], theta[8]
+    )
+    L, d_1, d_2, d_3 = c[0], c[1], c[2], c[3]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     sin_beta1 = sin(beta1)
@@ -1001,50 +824,53 @@ def lie_q_lie_f_h(x, theta, c):
     cos_beta1 = cos(beta1)
     sin_beta2 = sin(beta2)
     d_2_inverse = 1/d_2
-    term_3 = d_2_inverse*sin_beta2
-    trailer_2_turning_v = -cos_beta1*term_3
+    sin_beta2_over_d_2 = d_2_inverse*sin_beta2
+    trailer_2_turning_v = -cos_beta1*sin_beta2_over_d_2
     d_3_inverse = 1/d_3
     sin_beta3 = sin(beta3)
     cos_beta2 = cos(beta2)
-    term_5 = cos_beta1*cos_beta2
-    term_6 = sin_beta3*term_5
-    trailer_3_turning_v = -d_3_inverse*term_6
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    term_1 = sin_beta3*cos_beta1_times_cos_beta2
+    trailer_3_turning_v = -d_3_inverse*term_1
     cos_beta3 = cos(beta3)
-    trailer_3_forward_v = cos_beta3*term_5
+    trailer_3_forward_v = cos_beta3*cos_beta1_times_cos_beta2
     u_r_per_v = (
-            theta5*trailer_1_turning_v**2 + theta6*trailer_2_turning_v**2 + theta7*trailer_3_forward_v**2
-            + theta8*trailer_3_turning_v**2
-        )
-    term_7 = 1/(2*u_r_per_v)
-    term_8 = omega*theta1
-    term_9 = omega*theta4*v
+        theta5*trailer_1_turning_v**2 + theta6*trailer_2_turning_v**2 + theta7*trailer_3_forward_v**2
+        + theta8*trailer_3_turning_v**2
+    )
+    term_2 = 1/(2*u_r_per_v)
+    omega_times_theta1 = omega*theta1
+    term_3 = omega*theta4*v
     beta1_dot = -omega + trailer_1_turning_v*v
     trailer_1_turning_v_dot = -beta1_dot*cos_beta1*d_1_inverse
-    term_10 = beta1_dot*sin_beta1
+    beta1_dot_times_sin_beta1 = beta1_dot*sin_beta1
     beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
-    term_11 = beta2_dot_v*v
-    trailer_2_turning_v_dot = -d_2_inverse*term_11*term_5 + term_10*term_3
-    term_12 = cos_beta2*term_10
-    term_13 = cos_beta1*sin_beta2*term_11
+    beta2_dot_v_times_v = beta2_dot_v*v
+    trailer_2_turning_v_dot = (
+        -d_2_inverse*beta2_dot_v_times_v*cos_beta1_times_cos_beta2 + beta1_dot_times_sin_beta1*sin_beta2_over_d_2
+    )
+    term_4 = cos_beta2*beta1_dot_times_sin_beta1
+    term_5 = cos_beta1*sin_beta2*beta2_dot_v_times_v
     beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
-    term_14 = beta3_dot_v*v
-    trailer_3_forward_v_dot = -cos_beta3*term_12 - cos_beta3*term_13 - term_14*term_6
-    term_15 = d_3_inverse*sin_beta3
-    trailer_3_turning_v_dot = -d_3_inverse*term_14*trailer_3_forward_v + term_12*term_15 + term_13*term_15
-    term_16 = (
-            -omega**2*theta3 + theta2*v + theta5*trailer_1_turning_v*trailer_1_turning_v_dot*v
-            + theta6*trailer_2_turning_v*trailer_2_turning_v_dot*v
-            + theta7*trailer_3_forward_v*trailer_3_forward_v_dot*v
-            + theta8*trailer_3_turning_v*trailer_3_turning_v_dot*v
-        )
-    u_r_hold = term_16 + term_8 + term_9
-    u_l_hold = term_16 - term_8 - term_9
-    term_17 = -term_7*u_l_hold - term_7*u_r_hold
-    term_18 = 1/(2*theta9)
-    term_19 = L*(term_18*u_l_hold - term_18*u_r_hold)
-    out = _empty((2,), x, theta, c)
-    out[0] = cos_phi*term_17 - sin_phi*term_19
-    out[1] = cos_phi*term_19 + sin_phi*term_17
+    beta3_dot_v_times_v = beta3_dot_v*v
+    trailer_3_forward_v_dot = -cos_beta3*term_4 - cos_beta3*term_5 - beta3_dot_v_times_v*term_1
+    sin_beta3_over_d_3 = d_3_inverse*sin_beta3
+    trailer_3_turning_v_dot = (
+        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + term_4*sin_beta3_over_d_3 + term_5*sin_beta3_over_d_3
+    )
+    term_6 = (
+        -omega**2*theta3 + theta2*v + theta5*trailer_1_turning_v*trailer_1_turning_v_dot*v
+        + theta6*trailer_2_turning_v*trailer_2_turning_v_dot*v + theta7*trailer_3_forward_v*trailer_3_forward_v_dot*v
+        + theta8*trailer_3_turning_v*trailer_3_turning_v_dot*v
+    )
+    u_r_hold = term_6 + omega_times_theta1 + term_3
+    u_l_hold = term_6 - omega_times_theta1 - term_3
+    term_7 = -term_2*u_l_hold - term_2*u_r_hold
+    term_8 = 1/(2*theta9)
+    term_9 = L*(term_8*u_l_hold - term_8*u_r_hold)
+    out = _zeros((2,), x, theta, c)
+    out[0] = cos_phi*term_7 - sin_phi*term_9
+    out[1] = cos_phi*term_9 + sin_phi*term_7
     return out
 
 
@@ -1057,46 +883,31 @@ def decoupling_matrix(x, theta, c):
     c: known constants, (4,)
     Returns: shape (n-m, n_u) = (2, 2); 45 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    beta3 = x[5]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta8 = theta[7]
-    theta9 = theta[8]
-    L = c[0]
-    d_1 = c[1]
-    d_2 = c[2]
-    d_3 = c[3]
+    phi, beta1, beta2, beta3 = x[2], x[3], x[4], x[5]
+    theta5, theta6, theta7, theta8, theta9 = theta[4], theta[5], theta[6], theta[7], theta[8]
+    L, d_1, d_2, d_3 = c[0], c[1], c[2], c[3]
     cos_phi = cos(phi)
-    sin_beta1 = sin(beta1)
-    trailer_1_turning_v = -sin_beta1/d_1
-    sin_beta2 = sin(beta2)
+    trailer_1_turning_v = -sin(beta1)/d_1
     cos_beta1 = cos(beta1)
-    trailer_2_turning_v = -cos_beta1*sin_beta2/d_2
-    sin_beta3 = sin(beta3)
-    cos_beta2 = cos(beta2)
-    term_1 = cos_beta1*cos_beta2
-    trailer_3_turning_v = -sin_beta3*term_1/d_3
-    cos_beta3 = cos(beta3)
-    trailer_3_forward_v = cos_beta3*term_1
+    trailer_2_turning_v = -cos_beta1*sin(beta2)/d_2
+    term_1 = cos_beta1*cos(beta2)
+    trailer_3_turning_v = -sin(beta3)*term_1/d_3
+    trailer_3_forward_v = cos(beta3)*term_1
     u_r_per_v = (
-            theta5*trailer_1_turning_v**2 + theta6*trailer_2_turning_v**2 + theta7*trailer_3_forward_v**2
-            + theta8*trailer_3_turning_v**2
-        )
+        theta5*trailer_1_turning_v**2 + theta6*trailer_2_turning_v**2 + theta7*trailer_3_forward_v**2
+        + theta8*trailer_3_turning_v**2
+    )
     u_r_per_v_inverse = 1/u_r_per_v
     sin_phi = sin(phi)
-    term_3 = L/(2*theta9)
-    term_4 = sin_phi*term_3
-    term_5 = u_r_per_v_inverse/2
-    term_6 = cos_phi*term_3
-    out = _empty((2, 2), x, theta, c)
-    out[0, 0] = cos_phi*u_r_per_v_inverse/2 - term_4
-    out[0, 1] = cos_phi*term_5 + term_4
-    out[1, 0] = sin_phi*term_5 + term_6
-    out[1, 1] = sin_phi*u_r_per_v_inverse/2 - term_6
+    term_2 = L/(2*theta9)
+    term_3 = sin_phi*term_2
+    term_4 = u_r_per_v_inverse/2
+    term_5 = cos_phi*term_2
+    out = _zeros((2, 2), x, theta, c)
+    out[0, 0] = cos_phi*u_r_per_v_inverse/2 - term_3
+    out[0, 1] = cos_phi*term_4 + term_3
+    out[1, 0] = sin_phi*term_4 + term_5
+    out[1, 1] = sin_phi*u_r_per_v_inverse/2 - term_5
     return out
 
 
@@ -1109,69 +920,59 @@ def inverse_regressor(x, a, c):
     c: known constants, (4,)
     Returns: shape (n_u, n_pi) = (2, 9); 75 operations.
     """
-    beta1 = x[3]
-    beta2 = x[4]
-    beta3 = x[5]
-    v = x[6]
-    omega = x[7]
-    a_v = a[0]
-    a_omega = a[1]
-    d_1 = c[1]
-    d_2 = c[2]
-    d_3 = c[3]
-    term_1 = -omega**2
-    term_2 = omega*v
+    beta1, beta2, beta3, v, omega = x[3], x[4], x[5], x[6], x[7]
+    a_v, a_omega = a[0], a[1]
+    d_1, d_2, d_3 = c[1], c[2], c[3]
+    omega_times_v = omega*v
     sin_beta1 = sin(beta1)
     d_1_inverse = 1/d_1
     trailer_1_turning_v = -d_1_inverse*sin_beta1
     cos_beta1 = cos(beta1)
     beta1_dot = -omega + trailer_1_turning_v*v
     trailer_1_turning_v_dot = -beta1_dot*cos_beta1*d_1_inverse
-    term_4 = a_v*trailer_1_turning_v**2 + trailer_1_turning_v*trailer_1_turning_v_dot*v
+    term_1 = a_v*trailer_1_turning_v**2 + trailer_1_turning_v*trailer_1_turning_v_dot*v
     sin_beta2 = sin(beta2)
     d_2_inverse = 1/d_2
-    term_6 = d_2_inverse*sin_beta2
-    trailer_2_turning_v = -cos_beta1*term_6
+    sin_beta2_over_d_2 = d_2_inverse*sin_beta2
+    trailer_2_turning_v = -cos_beta1*sin_beta2_over_d_2
     cos_beta2 = cos(beta2)
-    term_7 = cos_beta1*cos_beta2
-    term_8 = beta1_dot*sin_beta1
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    beta1_dot_times_sin_beta1 = beta1_dot*sin_beta1
     beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
-    term_9 = beta2_dot_v*v
-    trailer_2_turning_v_dot = -d_2_inverse*term_7*term_9 + term_6*term_8
-    term_10 = a_v*trailer_2_turning_v**2 + trailer_2_turning_v*trailer_2_turning_v_dot*v
+    beta2_dot_v_times_v = beta2_dot_v*v
+    trailer_2_turning_v_dot = (
+        -d_2_inverse*cos_beta1_times_cos_beta2*beta2_dot_v_times_v + sin_beta2_over_d_2*beta1_dot_times_sin_beta1
+    )
+    term_2 = a_v*trailer_2_turning_v**2 + trailer_2_turning_v*trailer_2_turning_v_dot*v
     cos_beta3 = cos(beta3)
-    trailer_3_forward_v = cos_beta3*term_7
+    trailer_3_forward_v = cos_beta3*cos_beta1_times_cos_beta2
     sin_beta3 = sin(beta3)
-    term_11 = sin_beta3*term_7
-    term_12 = cos_beta2*term_8
-    term_13 = cos_beta1*sin_beta2*term_9
+    term_3 = sin_beta3*cos_beta1_times_cos_beta2
+    term_4 = cos_beta2*beta1_dot_times_sin_beta1
+    term_5 = cos_beta1*sin_beta2*beta2_dot_v_times_v
     d_3_inverse = 1/d_3
-    trailer_3_turning_v = -d_3_inverse*term_11
+    trailer_3_turning_v = -d_3_inverse*term_3
     beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
-    term_15 = beta3_dot_v*v
-    trailer_3_forward_v_dot = -cos_beta3*term_12 - cos_beta3*term_13 - term_11*term_15
-    term_16 = a_v*trailer_3_forward_v**2 + trailer_3_forward_v*trailer_3_forward_v_dot*v
-    term_17 = d_3_inverse*sin_beta3
-    trailer_3_turning_v_dot = -d_3_inverse*term_15*trailer_3_forward_v + term_12*term_17 + term_13*term_17
-    term_18 = a_v*trailer_3_turning_v**2 + trailer_3_turning_v*trailer_3_turning_v_dot*v
-    out = _empty((2, 9), x, a, c)
+    beta3_dot_v_times_v = beta3_dot_v*v
+    trailer_3_forward_v_dot = -cos_beta3*term_4 - cos_beta3*term_5 - term_3*beta3_dot_v_times_v
+    term_6 = a_v*trailer_3_forward_v**2 + trailer_3_forward_v*trailer_3_forward_v_dot*v
+    sin_beta3_over_d_3 = d_3_inverse*sin_beta3
+    trailer_3_turning_v_dot = (
+        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + term_4*sin_beta3_over_d_3 + term_5*sin_beta3_over_d_3
+    )
+    term_7 = a_v*trailer_3_turning_v**2 + trailer_3_turning_v*trailer_3_turning_v_dot*v
+    out = _zeros((2, 9), x, a, c)
     out[0, 0] = omega
-    out[0, 1] = v
-    out[0, 2] = term_1
-    out[0, 3] = term_2
-    out[0, 4] = term_4
-    out[0, 5] = term_10
-    out[0, 6] = term_16
-    out[0, 7] = term_18
+    out[0, 1] = out[1, 1] = v
+    out[0, 2] = out[1, 2] = -omega**2
+    out[0, 3] = omega_times_v
+    out[0, 4] = out[1, 4] = term_1
+    out[0, 5] = out[1, 5] = term_2
+    out[0, 6] = out[1, 6] = term_6
+    out[0, 7] = out[1, 7] = term_7
     out[0, 8] = a_omega
     out[1, 0] = -omega
-    out[1, 1] = v
-    out[1, 2] = term_1
-    out[1, 3] = -term_2
-    out[1, 4] = term_4
-    out[1, 5] = term_10
-    out[1, 6] = term_16
-    out[1, 7] = term_18
+    out[1, 3] = -omega_times_v
     out[1, 8] = -a_omega
     return out
 
@@ -1183,46 +984,32 @@ def inverse_base_parameters(p):
     p: physical parameters, (19,)
     Returns: shape (n_pi,) = (9,); 50 operations.
     """
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    d_1 = p[8]
-    m_1 = p[9]
-    I_1 = p[10]
-    d_2 = p[11]
-    m_2 = p[12]
-    I_2 = p[13]
-    d_3 = p[14]
-    m_3 = p[15]
-    I_3 = p[16]
-    K1 = p[17]
-    K2 = p[18]
+    r, b, d, m_C, m_w, I_m, I_C, d_1, m_1, I_1, d_2, m_2, I_2, d_3, m_3, I_3, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16], p[17],
+        p[18]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse*r/2
-    term_3 = term_2/b
+    term_1 = K1_inverse*r/2
+    term_2 = term_1/b
     b_squared = b**2
     coriolis_omega_omega = 2*K2*b_squared/r**2
-    term_5 = d*m_C
-    term_6 = 2*m_w
-    mass_tractor = m_C + term_6
-    term_7 = mass_tractor*term_2
+    d_times_m_C = d*m_C
+    term_3 = 2*m_w
+    mass_tractor = m_C + term_3
+    term_4 = mass_tractor*term_1
     d_2_squared = d_2**2
-    term_9 = m_1*term_2
-    term_10 = m_2*term_2
+    term_5 = m_1*term_1
+    term_6 = m_2*term_1
     d_3_squared = d_3**2
-    inertia_tractor = I_C + 2*I_m + b_squared*term_6 + d**2*m_C
-    out = _empty((9,), p)
-    out[0] = coriolis_omega_omega*term_3
+    inertia_tractor = I_C + 2*I_m + b_squared*term_3 + d**2*m_C
+    out = _zeros((9,), p)
+    out[0] = coriolis_omega_omega*term_2
     out[1] = K1_inverse*K2/r
-    out[2] = term_2*term_5
-    out[3] = term_3*term_5
-    out[4] = I_1*term_2 + d_1**2*term_7
-    out[5] = I_2*term_2 + d_2_squared*term_7 + d_2_squared*term_9
-    out[6] = m_3*term_2 + term_10 + term_7 + term_9
-    out[7] = I_3*term_2 + d_3_squared*term_10 + d_3_squared*term_7 + d_3_squared*term_9
-    out[8] = inertia_tractor*term_3
+    out[2] = term_1*d_times_m_C
+    out[3] = term_2*d_times_m_C
+    out[4] = I_1*term_1 + d_1**2*term_4
+    out[5] = I_2*term_1 + d_2_squared*term_4 + d_2_squared*term_5
+    out[6] = m_3*term_1 + term_6 + term_4 + term_5
+    out[7] = I_3*term_1 + d_3_squared*term_6 + d_3_squared*term_4 + d_3_squared*term_5
+    out[8] = inertia_tractor*term_2
     return out

@@ -25,22 +25,9 @@ from casadi import SX, Function, cos, sin
 # Names in order, with units.
 NAME = "tractor_trailer"
 PARAMETRIZATION = "inverse"
-STATE = {
-    "x": "m",
-    "y": "m",
-    "phi": "rad",
-    "beta": "rad",
-    "v": "m/s",
-    "omega": "rad/s",
-}
-INPUTS = {
-    "u_r": "V",
-    "u_l": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-}
+STATE = {"x": "m", "y": "m", "phi": "rad", "beta": "rad", "v": "m/s", "omega": "rad/s"}
+INPUTS = {"u_r": "V", "u_l": "V"}
+OUTPUTS = {"y1": "m", "y2": "m"}
 PARAMETERS = {
     "r": "m",
     "b": "m",
@@ -77,11 +64,7 @@ DEFAULTS = {
     "K1": 7.2,
     "K2": 2.59,
 }
-KNOWN = {
-    "L": "m",
-    "e": "m",
-    "d_t": "m",
-}
+KNOWN = {"L": "m", "e": "m", "d_t": "m"}
 BASE_PARAMETERS = {
     "theta1": "V s",
     "theta2": "V s/m",
@@ -147,9 +130,6 @@ def _zeros(shape, *arguments):
     return SX.zeros(*shape)
 
 
-_empty = _zeros
-
-
 @_function(q=4, p=16)
 def constraint_matrix(q, p):
     """A(q): A(q) q' = 0; equation (2).
@@ -158,51 +138,36 @@ def constraint_matrix(q, p):
     p: physical parameters, (16,)
     Returns: shape (m, n) = (2, 4); 13 operations.
     """
-    phi = q[2]
-    beta = q[3]
-    e = p[8]
-    d_t = p[9]
-    sin_beta_phi = sin(beta + phi)
-    cos_beta_phi = cos(beta + phi)
-    cos_beta = cos(beta)
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
+    phi, beta = q[2], q[3]
+    e, d_t = p[8], p[9]
     out = _zeros((2, 4), q, p)
-    out[0, 0] = -sin_beta_phi
-    out[0, 1] = cos_beta_phi
-    out[0, 2] = -cos_beta*e - d_t
+    out[0, 0] = -sin(beta + phi)
+    out[0, 1] = cos(beta + phi)
+    out[0, 2] = -cos(beta)*e - d_t
     out[0, 3] = -d_t
-    out[1, 0] = -sin_phi
-    out[1, 1] = cos_phi
+    out[1, 0] = -sin(phi)
+    out[1, 1] = cos(phi)
     return out
 
 
 @_function(q=4, p=16)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (4,)
     p: physical parameters, (16,)
     Returns: shape (n, n-m) = (4, 2); 11 operations.
     """
-    phi = q[2]
-    beta = q[3]
-    e = p[8]
-    d_t = p[9]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
-    sin_beta = sin(beta)
+    phi, beta = q[2], q[3]
+    e, d_t = p[8], p[9]
     d_t_inverse = 1/d_t
-    trailer_turning_v = -d_t_inverse*sin_beta
-    cos_beta = cos(beta)
-    trailer_turning_omega = -cos_beta*d_t_inverse*e
-    beta_dot_omega = trailer_turning_omega - 1
+    trailer_turning_omega = -cos(beta)*d_t_inverse*e
     out = _zeros((4, 2), q, p)
-    out[0, 0] = cos_phi
-    out[1, 0] = sin_phi
+    out[0, 0] = cos(phi)
+    out[1, 0] = sin(phi)
     out[2, 1] = 1
-    out[3, 0] = trailer_turning_v
-    out[3, 1] = beta_dot_omega
+    out[3, 0] = -d_t_inverse*sin(beta)
+    out[3, 1] = trailer_turning_omega - 1
     return out
 
 
@@ -214,15 +179,13 @@ def actuator_rates_matrix(q, p):
     p: physical parameters, (16,)
     Returns: shape (n_u, n-m) = (2, 2); 3 operations.
     """
-    r = p[0]
-    b = p[1]
+    r, b = p[0], p[1]
     r_inverse = 1/r
-    term_2 = b*r_inverse
-    out = _empty((2, 2), q, p)
-    out[0, 0] = r_inverse
-    out[0, 1] = term_2
-    out[1, 0] = r_inverse
-    out[1, 1] = -term_2
+    b_over_r = b*r_inverse
+    out = _zeros((2, 2), q, p)
+    out[0, 0] = out[1, 0] = r_inverse
+    out[0, 1] = b_over_r
+    out[1, 1] = -b_over_r
     return out
 
 
@@ -235,36 +198,25 @@ def inertia_matrix(q, p):
     Returns: shape (n-m, n-m) = (2, 2); 47 operations.
     """
     beta = q[3]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    e = p[8]
-    d_t = p[9]
-    s_t = p[10]
-    b_t = p[11]
-    m_t = p[12]
-    I_t = p[13]
+    b, d, m_C, m_w, I_m, I_C, e, d_t, s_t, b_t, m_t, I_t = (
+        p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13]
+    )
     cos_beta = cos(beta)
     sin_beta = sin(beta)
     d_t_inverse = 1/d_t
     trailer_turning_v = -d_t_inverse*sin_beta
-    term_2 = 2*m_w
-    mass_tractor = m_C + term_2
-    mass_trailer = m_t + term_2
-    inertia_trailer = I_t + b_t**2*term_2 + m_t*s_t**2
+    term_1 = 2*m_w
+    mass_tractor = m_C + term_1
+    mass_trailer = m_t + term_1
+    inertia_trailer = I_t + b_t**2*term_1 + m_t*s_t**2
     inertia_v_v = cos_beta**2*mass_trailer + inertia_trailer*trailer_turning_v**2 + mass_tractor
-    sin_2_beta = sin(2*beta)
     trailer_turning_omega = -cos_beta*d_t_inverse*e
-    inertia_v_omega = -e*mass_trailer*sin_2_beta/2 + inertia_trailer*trailer_turning_omega*trailer_turning_v
-    inertia_tractor = I_C + 2*I_m + b**2*term_2 + d**2*m_C
+    inertia_v_omega = -e*mass_trailer*sin(2*beta)/2 + inertia_trailer*trailer_turning_omega*trailer_turning_v
+    inertia_tractor = I_C + 2*I_m + b**2*term_1 + d**2*m_C
     inertia_omega_omega = e**2*mass_trailer*sin_beta**2 + inertia_tractor + inertia_trailer*trailer_turning_omega**2
-    out = _empty((2, 2), q, p)
+    out = _zeros((2, 2), q, p)
     out[0, 0] = inertia_v_v
-    out[0, 1] = inertia_v_omega
-    out[1, 0] = inertia_v_omega
+    out[0, 1] = out[1, 0] = inertia_v_omega
     out[1, 1] = inertia_omega_omega
     return out
 
@@ -277,61 +229,49 @@ def coriolis_matrix(x, p):
     p: physical parameters, (16,)
     Returns: shape (n-m, n-m) = (2, 2); 78 operations.
     """
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    e = p[8]
-    d_t = p[9]
-    s_t = p[10]
-    b_t = p[11]
-    m_t = p[12]
-    I_t = p[13]
-    K2 = p[15]
+    beta, v, omega = x[3], x[4], x[5]
+    r, b, d, m_C, m_w, e, d_t, s_t, b_t, m_t, I_t, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[8], p[9], p[10], p[11], p[12], p[13], p[15]
+    )
     r_squared = r**2
-    term_2 = 1/r_squared
-    term_3 = 2*K2
-    term_4 = 2*m_w
-    inertia_trailer = I_t + b_t**2*term_4 + m_t*s_t**2
+    r_squared_inverse = 1/r_squared
+    term_1 = 2*K2
+    term_2 = 2*m_w
+    inertia_trailer = I_t + b_t**2*term_2 + m_t*s_t**2
     cos_beta = cos(beta)
     d_t_inverse = 1/d_t
-    term_6 = cos_beta*d_t_inverse
+    cos_beta_over_d_t = cos_beta*d_t_inverse
     sin_beta = sin(beta)
-    term_7 = d_t_inverse*sin_beta
-    trailer_turning_v = -term_7
-    term_8 = trailer_turning_v*v
-    trailer_turning_omega = -e*term_6
+    sin_beta_over_d_t = d_t_inverse*sin_beta
+    trailer_turning_v = -sin_beta_over_d_t
+    trailer_turning_v_times_v = trailer_turning_v*v
+    trailer_turning_omega = -e*cos_beta_over_d_t
     beta_dot_omega = trailer_turning_omega - 1
-    beta_dot = beta_dot_omega*omega + term_8
-    trailer_turning_v_dot = -beta_dot*term_6
-    term_9 = inertia_trailer*trailer_turning_v_dot
-    sin_2_beta = sin(2*beta)
-    mass_trailer = m_t + term_4
-    term_10 = beta_dot*mass_trailer
-    term_11 = r_squared*sin_2_beta*term_10/2
-    coriolis_v_v = term_2*(r_squared*term_9*trailer_turning_v - term_11 + term_3)
-    term_12 = d*m_C*omega
-    term_13 = e*sin_beta
-    trailer_turning = omega*trailer_turning_omega + term_8
-    term_14 = m_t*s_t*trailer_turning
-    trailer_turning_omega_dot = beta_dot*e*term_7
+    beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
+    trailer_turning_v_dot = -beta_dot*cos_beta_over_d_t
+    term_3 = inertia_trailer*trailer_turning_v_dot
+    mass_trailer = m_t + term_2
+    beta_dot_times_mass_trailer = beta_dot*mass_trailer
+    term_4 = r_squared*sin(2*beta)*beta_dot_times_mass_trailer/2
+    coriolis_v_v = r_squared_inverse*(r_squared*term_3*trailer_turning_v - term_4 + term_1)
+    term_5 = d*m_C*omega
+    e_times_sin_beta = e*sin_beta
+    trailer_turning = omega*trailer_turning_omega + trailer_turning_v_times_v
+    term_6 = m_t*s_t*trailer_turning
+    trailer_turning_omega_dot = beta_dot*e*sin_beta_over_d_t
     coriolis_v_omega = (
-            cos_beta*(-cos_beta*e*term_10 - term_14*trailer_turning_omega) - term_12
-            + trailer_turning_v*(inertia_trailer*trailer_turning_omega_dot - term_13*term_14)
-        )
+        cos_beta*(-cos_beta*e*beta_dot_times_mass_trailer - term_6*trailer_turning_omega) - term_5
+        + trailer_turning_v*(inertia_trailer*trailer_turning_omega_dot - e_times_sin_beta*term_6)
+    )
     coriolis_omega_v = (
-            term_12 - term_13*(-sin_beta*term_10 - term_14*trailer_turning_v)
-            + trailer_turning_omega*(cos_beta*term_14 + term_9)
-        )
+        term_5 - e_times_sin_beta*(-sin_beta*beta_dot_times_mass_trailer - term_6*trailer_turning_v)
+        + trailer_turning_omega*(cos_beta*term_6 + term_3)
+    )
     coriolis_omega_omega = (
-            term_2*(b**2*term_3 + e**2*term_11
-            + inertia_trailer*r_squared*trailer_turning_omega*trailer_turning_omega_dot)
-        )
-    out = _empty((2, 2), x, p)
+        r_squared_inverse*(b**2*term_1 + e**2*term_4
+        + inertia_trailer*r_squared*trailer_turning_omega*trailer_turning_omega_dot)
+    )
+    out = _zeros((2, 2), x, p)
     out[0, 0] = coriolis_v_v
     out[0, 1] = coriolis_v_omega
     out[1, 0] = coriolis_omega_v
@@ -347,16 +287,13 @@ def input_matrix(q, p):
     p: physical parameters, (16,)
     Returns: shape (n-m, n_u) = (2, 2); 3 operations.
     """
-    r = p[0]
-    b = p[1]
-    K1 = p[14]
-    term_1 = K1/r
-    term_2 = b*term_1
-    out = _empty((2, 2), q, p)
-    out[0, 0] = term_1
-    out[0, 1] = term_1
-    out[1, 0] = term_2
-    out[1, 1] = -term_2
+    r, b, K1 = p[0], p[1], p[14]
+    K1_over_r = K1/r
+    b_times_K1_over_r = b*K1_over_r
+    out = _zeros((2, 2), q, p)
+    out[0, 0] = out[0, 1] = K1_over_r
+    out[1, 0] = b_times_K1_over_r
+    out[1, 1] = -b_times_K1_over_r
     return out
 
 
@@ -370,292 +307,253 @@ def state_derivative(x, u, w, p):
     p: physical parameters, (16,)
     Returns: shape (2n-m,) = (6,); 143 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    u_r = u[0]
-    u_l = u[1]
-    w_v = w[0]
-    w_omega = w[1]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    e = p[8]
-    d_t = p[9]
-    s_t = p[10]
-    b_t = p[11]
-    m_t = p[12]
-    I_t = p[13]
-    K1 = p[14]
-    K2 = p[15]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
+    phi, beta, v, omega = x[2], x[3], x[4], x[5]
+    u_r, u_l = u[0], u[1]
+    w_v, w_omega = w[0], w[1]
+    r, b, d, m_C, m_w, I_m, I_C, e, d_t, s_t, b_t, m_t, I_t, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
     sin_beta = sin(beta)
     d_t_inverse = 1/d_t
-    term_2 = d_t_inverse*sin_beta
-    trailer_turning_v = -term_2
-    term_3 = trailer_turning_v*v
+    sin_beta_over_d_t = d_t_inverse*sin_beta
+    trailer_turning_v = -sin_beta_over_d_t
+    trailer_turning_v_times_v = trailer_turning_v*v
     cos_beta = cos(beta)
-    term_4 = cos_beta*d_t_inverse
-    trailer_turning_omega = -e*term_4
+    cos_beta_over_d_t = cos_beta*d_t_inverse
+    trailer_turning_omega = -e*cos_beta_over_d_t
     beta_dot_omega = trailer_turning_omega - 1
-    beta_dot = beta_dot_omega*omega + term_3
-    term_5 = 2*m_w
-    mass_tractor = m_C + term_5
-    mass_trailer = m_t + term_5
-    inertia_trailer = I_t + b_t**2*term_5 + m_t*s_t**2
+    beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
+    term_1 = 2*m_w
+    mass_tractor = m_C + term_1
+    mass_trailer = m_t + term_1
+    inertia_trailer = I_t + b_t**2*term_1 + m_t*s_t**2
     inertia_v_v = cos_beta**2*mass_trailer + inertia_trailer*trailer_turning_v**2 + mass_tractor
     inertia_v_v_inverse = 1/inertia_v_v
-    sin_2_beta = sin(2*beta)
-    term_7 = sin_2_beta/2
-    inertia_v_omega = -e*mass_trailer*term_7 + inertia_trailer*trailer_turning_omega*trailer_turning_v
+    term_2 = sin(2*beta)/2
+    inertia_v_omega = -e*mass_trailer*term_2 + inertia_trailer*trailer_turning_omega*trailer_turning_v
     ratio_omega_v = inertia_v_omega*inertia_v_v_inverse
     r_inverse = 1/r
     r_squared = r**2
-    term_10 = 1/r_squared
-    term_11 = 2*K2
-    trailer_turning_v_dot = -beta_dot*term_4
-    term_12 = inertia_trailer*trailer_turning_v_dot
-    term_13 = beta_dot*mass_trailer
-    term_14 = r_squared*term_7
-    coriolis_v_v = term_10*(r_squared*term_12*trailer_turning_v + term_11 - term_13*term_14)
-    term_15 = d*m_C*omega
-    term_16 = e*sin_beta
-    trailer_turning = omega*trailer_turning_omega + term_3
-    term_17 = m_t*s_t*trailer_turning
-    trailer_turning_omega_dot = beta_dot*e*term_2
+    r_squared_inverse = 1/r_squared
+    term_3 = 2*K2
+    trailer_turning_v_dot = -beta_dot*cos_beta_over_d_t
+    term_4 = inertia_trailer*trailer_turning_v_dot
+    beta_dot_times_mass_trailer = beta_dot*mass_trailer
+    term_5 = r_squared*term_2
+    coriolis_v_v = r_squared_inverse*(r_squared*term_4*trailer_turning_v + term_3 - beta_dot_times_mass_trailer*term_5)
+    term_6 = d*m_C*omega
+    e_times_sin_beta = e*sin_beta
+    trailer_turning = omega*trailer_turning_omega + trailer_turning_v_times_v
+    term_7 = m_t*s_t*trailer_turning
+    trailer_turning_omega_dot = beta_dot*e*sin_beta_over_d_t
     coriolis_v_omega = (
-            cos_beta*(-cos_beta*e*term_13 - term_17*trailer_turning_omega) - term_15
-            + trailer_turning_v*(inertia_trailer*trailer_turning_omega_dot - term_16*term_17)
-        )
+        cos_beta*(-cos_beta*e*beta_dot_times_mass_trailer - term_7*trailer_turning_omega) - term_6
+        + trailer_turning_v*(inertia_trailer*trailer_turning_omega_dot - e_times_sin_beta*term_7)
+    )
     force_v = K1*r_inverse*u_l + K1*r_inverse*u_r - coriolis_v_omega*omega - coriolis_v_v*v - w_v
-    term_18 = e**2*mass_trailer
+    e_squared_times_mass_trailer = e**2*mass_trailer
     b_squared = b**2
-    inertia_tractor = I_C + 2*I_m + b_squared*term_5 + d**2*m_C
-    inertia_omega_omega = inertia_tractor + inertia_trailer*trailer_turning_omega**2 + sin_beta**2*term_18
+    inertia_tractor = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
+    inertia_omega_omega = (
+        inertia_tractor + inertia_trailer*trailer_turning_omega**2 + sin_beta**2*e_squared_times_mass_trailer
+    )
     pivot_omega = inertia_omega_omega - inertia_v_v*ratio_omega_v**2
     coriolis_omega_v = (
-            term_15 - term_16*(-sin_beta*term_13 - term_17*trailer_turning_v)
-            + trailer_turning_omega*(cos_beta*term_17 + term_12)
-        )
+        term_6 - e_times_sin_beta*(-sin_beta*beta_dot_times_mass_trailer - term_7*trailer_turning_v)
+        + trailer_turning_omega*(cos_beta*term_7 + term_4)
+    )
     coriolis_omega_omega = (
-            term_10*(b_squared*term_11 + beta_dot*term_14*term_18
-            + inertia_trailer*r_squared*trailer_turning_omega*trailer_turning_omega_dot)
-        )
+        r_squared_inverse*(b_squared*term_3 + beta_dot*term_5*e_squared_times_mass_trailer
+        + inertia_trailer*r_squared*trailer_turning_omega*trailer_turning_omega_dot)
+    )
     force_omega = (
-            -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v
-            - force_v*ratio_omega_v - w_omega
-        )
+        -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v
+        - force_v*ratio_omega_v - w_omega
+    )
     omega_dot = force_omega/pivot_omega
-    v_dot = force_v*inertia_v_v_inverse - omega_dot*ratio_omega_v
-    out = _empty((6,), x, u, w, p)
-    out[0] = cos_phi*v
-    out[1] = sin_phi*v
+    out = _zeros((6,), x, u, w, p)
+    out[0] = cos(phi)*v
+    out[1] = sin(phi)*v
     out[2] = omega
     out[3] = beta_dot
-    out[4] = v_dot
+    out[4] = force_v*inertia_v_v_inverse - omega_dot*ratio_omega_v
     out[5] = omega_dot
     return out
 
 
 @_function(x=6, u=2, w=2, p=16)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (6,)
     u: motor voltages, (2,)
     w: generalized forces on v, Fbar + taubar_d, (2,)
     p: physical parameters, (16,)
-    Returns: shape (2n-m, 2n-m) = (6, 6); 337 operations.
+    Returns: shape (2n-m, 2n-m) = (6, 6); 334 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    u_r = u[0]
-    u_l = u[1]
-    w_v = w[0]
-    w_omega = w[1]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    e = p[8]
-    d_t = p[9]
-    s_t = p[10]
-    b_t = p[11]
-    m_t = p[12]
-    I_t = p[13]
-    K1 = p[14]
-    K2 = p[15]
+    phi, beta, v, omega = x[2], x[3], x[4], x[5]
+    u_r, u_l = u[0], u[1]
+    w_v, w_omega = w[0], w[1]
+    r, b, d, m_C, m_w, I_m, I_C, e, d_t, s_t, b_t, m_t, I_t, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     cos_beta = cos(beta)
     d_t_inverse = 1/d_t
-    term_2 = cos_beta*d_t_inverse
-    trailer_turning_v_by_beta = -term_2
+    trailer_turning_v_by_beta = -cos_beta*d_t_inverse
     sin_beta = sin(beta)
-    term_3 = d_t_inverse*sin_beta
-    trailer_turning_omega_by_beta = e*term_3
+    sin_beta_over_d_t = d_t_inverse*sin_beta
+    trailer_turning_omega_by_beta = e*sin_beta_over_d_t
     beta_dot_by_beta = omega*trailer_turning_omega_by_beta + trailer_turning_v_by_beta*v
-    trailer_turning_v = -term_3
-    term_4 = e*term_2
-    trailer_turning_omega = -term_4
+    trailer_turning_v = -sin_beta_over_d_t
+    term_1 = -e*trailer_turning_v_by_beta
+    trailer_turning_omega = -term_1
     beta_dot_omega = trailer_turning_omega - 1
-    term_5 = 2*m_w
-    mass_trailer = m_t + term_5
-    term_6 = cos_beta**2*mass_trailer
-    mass_tractor = m_C + term_5
-    inertia_trailer = I_t + b_t**2*term_5 + m_t*s_t**2
-    inertia_v_v = inertia_trailer*trailer_turning_v**2 + mass_tractor + term_6
+    term_2 = 2*m_w
+    mass_trailer = m_t + term_2
+    term_3 = cos_beta**2*mass_trailer
+    mass_tractor = m_C + term_2
+    inertia_trailer = I_t + b_t**2*term_2 + m_t*s_t**2
+    inertia_v_v = inertia_trailer*trailer_turning_v**2 + mass_tractor + term_3
     inertia_v_v_inverse = 1/inertia_v_v
-    term_8 = 2*cos_beta*sin_beta
-    inertia_v_v_by_beta = 2*inertia_trailer*trailer_turning_v*trailer_turning_v_by_beta - mass_trailer*term_8
-    term_9 = inertia_v_v_by_beta/inertia_v_v**2
-    term_10 = e*mass_trailer
-    sin_2_beta = sin(2*beta)
-    term_11 = sin_2_beta/2
-    inertia_v_omega = inertia_trailer*trailer_turning_omega*trailer_turning_v - term_10*term_11
+    term_4 = 2*cos_beta*sin_beta
+    inertia_v_v_by_beta = 2*inertia_trailer*trailer_turning_v*trailer_turning_v_by_beta - mass_trailer*term_4
+    term_5 = inertia_v_v_by_beta/inertia_v_v**2
+    e_times_mass_trailer = e*mass_trailer
+    term_6 = sin(2*beta)/2
+    inertia_v_omega = inertia_trailer*trailer_turning_omega*trailer_turning_v - e_times_mass_trailer*term_6
     ratio_omega_v = inertia_v_omega*inertia_v_v_inverse
     r_inverse = 1/r
     r_squared = r**2
-    term_14 = 1/r_squared
-    term_15 = 2*K2
-    term_16 = trailer_turning_v*v
-    beta_dot = beta_dot_omega*omega + term_16
-    trailer_turning_v_dot = -beta_dot*term_2
-    term_17 = inertia_trailer*trailer_turning_v_dot
-    term_18 = beta_dot*mass_trailer
-    term_19 = r_squared*term_11
-    coriolis_v_v = term_14*(r_squared*term_17*trailer_turning_v + term_15 - term_18*term_19)
-    term_20 = d*m_C
-    term_21 = omega*term_20
-    term_22 = m_t*s_t
-    trailer_turning = omega*trailer_turning_omega + term_16
-    term_23 = term_22*trailer_turning
-    term_24 = e*sin_beta
-    term_25 = term_23*term_24
+    r_squared_inverse = 1/r_squared
+    term_7 = 2*K2
+    trailer_turning_v_times_v = trailer_turning_v*v
+    beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
+    trailer_turning_v_dot = beta_dot*trailer_turning_v_by_beta
+    term_8 = inertia_trailer*trailer_turning_v_dot
+    beta_dot_times_mass_trailer = beta_dot*mass_trailer
+    term_9 = r_squared*term_6
+    coriolis_v_v = r_squared_inverse*(r_squared*term_8*trailer_turning_v + term_7 - beta_dot_times_mass_trailer*term_9)
+    d_times_m_C = d*m_C
+    omega_times_d_times_m_C = omega*d_times_m_C
+    m_t_times_s_t = m_t*s_t
+    trailer_turning = omega*trailer_turning_omega + trailer_turning_v_times_v
+    term_10 = m_t_times_s_t*trailer_turning
+    e_times_sin_beta = e*sin_beta
+    term_11 = term_10*e_times_sin_beta
     trailer_turning_omega_dot = beta_dot*trailer_turning_omega_by_beta
-    term_26 = inertia_trailer*trailer_turning_omega_dot - term_25
-    term_27 = cos_beta*e
-    term_28 = term_23*trailer_turning_omega
-    term_29 = -term_18*term_27 - term_28
-    coriolis_v_omega = cos_beta*term_29 - term_21 + term_26*trailer_turning_v
+    term_12 = inertia_trailer*trailer_turning_omega_dot - term_11
+    cos_beta_times_e = cos_beta*e
+    term_13 = term_10*trailer_turning_omega
+    term_14 = -beta_dot_times_mass_trailer*cos_beta_times_e - term_13
+    coriolis_v_omega = cos_beta*term_14 - omega_times_d_times_m_C + term_12*trailer_turning_v
     force_v = K1*r_inverse*u_l + K1*r_inverse*u_r - coriolis_v_omega*omega - coriolis_v_v*v - w_v
     ratio_omega_v_squared = ratio_omega_v**2
     sin_beta_squared = sin_beta**2
-    term_32 = e**2*mass_trailer
+    e_squared_times_mass_trailer = e**2*mass_trailer
     b_squared = b**2
-    inertia_tractor = I_C + 2*I_m + b_squared*term_5 + d**2*m_C
-    inertia_omega_omega = inertia_tractor + inertia_trailer*trailer_turning_omega**2 + sin_beta_squared*term_32
+    inertia_tractor = I_C + 2*I_m + b_squared*term_2 + d**2*m_C
+    inertia_omega_omega = (
+        inertia_tractor + inertia_trailer*trailer_turning_omega**2 + sin_beta_squared*e_squared_times_mass_trailer
+    )
     pivot_omega = inertia_omega_omega - inertia_v_v*ratio_omega_v_squared
     pivot_omega_inverse = 1/pivot_omega
-    term_35 = cos_beta*term_23
-    term_36 = term_17 + term_35
-    term_37 = sin_beta*term_18
-    term_38 = term_23*trailer_turning_v
-    term_39 = e*(-term_37 - term_38)
-    coriolis_omega_v = -sin_beta*term_39 + term_21 + term_36*trailer_turning_omega
-    term_40 = inertia_trailer*trailer_turning_omega_dot
-    term_41 = beta_dot*term_32
-    coriolis_omega_omega = term_14*(b_squared*term_15 + r_squared*term_40*trailer_turning_omega + term_19*term_41)
+    term_15 = cos_beta*term_10
+    term_16 = term_8 + term_15
+    term_17 = sin_beta*beta_dot_times_mass_trailer
+    term_18 = term_10*trailer_turning_v
+    term_19 = e*(-term_17 - term_18)
+    coriolis_omega_v = -sin_beta*term_19 + omega_times_d_times_m_C + term_16*trailer_turning_omega
+    term_20 = inertia_trailer*trailer_turning_omega_dot
+    term_21 = beta_dot*e_squared_times_mass_trailer
+    coriolis_omega_omega = (
+        r_squared_inverse*(b_squared*term_7 + r_squared*term_20*trailer_turning_omega + term_9*term_21)
+    )
     force_omega = (
-            -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v
-            - force_v*ratio_omega_v - w_omega
-        )
+        -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v
+        - force_v*ratio_omega_v - w_omega
+    )
     omega_dot = force_omega*pivot_omega_inverse
-    term_42 = inertia_trailer*trailer_turning_v
-    term_43 = term_27*term_37
-    term_44 = e*term_6
-    term_45 = cos_beta*term_22*trailer_turning_omega + term_22*term_24*trailer_turning_v
-    term_46 = -term_45
-    trailer_turning_omega_dot_by_beta = beta_dot*term_4 + beta_dot_by_beta*trailer_turning_omega_by_beta
+    term_22 = inertia_trailer*trailer_turning_v
+    term_23 = cos_beta_times_e*term_17
+    term_24 = e*term_3
+    term_25 = cos_beta*m_t_times_s_t*trailer_turning_omega + m_t_times_s_t*e_times_sin_beta*trailer_turning_v
+    trailer_turning_omega_dot_by_beta = beta_dot*term_1 + beta_dot_by_beta*trailer_turning_omega_by_beta
     coriolis_v_omega_by_beta = (
-            -beta_dot_by_beta*term_44 + beta_dot_by_beta*term_46 - sin_beta*term_29 + term_26*trailer_turning_v_by_beta
-            - term_27*term_38 - term_35*trailer_turning_omega_by_beta + term_42*trailer_turning_omega_dot_by_beta
-            + term_43
-        )
+        -beta_dot_by_beta*term_24 - beta_dot_by_beta*term_25 - sin_beta*term_14 + term_12*trailer_turning_v_by_beta
+        - cos_beta_times_e*term_18 - term_15*trailer_turning_omega_by_beta + term_22*trailer_turning_omega_dot_by_beta
+        + term_23
+    )
     cos_2_beta = cos(2*beta)
-    term_47 = mass_trailer*term_11
-    trailer_turning_v_dot_by_beta = beta_dot*term_3 - beta_dot_by_beta*term_2
+    term_26 = mass_trailer*term_6
+    trailer_turning_v_dot_by_beta = beta_dot*sin_beta_over_d_t + beta_dot_by_beta*trailer_turning_v_by_beta
     coriolis_v_v_by_beta = (
-            -beta_dot_by_beta*term_47 - cos_2_beta*term_18
-            + inertia_trailer*trailer_turning_v*trailer_turning_v_dot_by_beta
-            + inertia_trailer*trailer_turning_v_by_beta*trailer_turning_v_dot
-        )
+        -beta_dot_by_beta*term_26 - cos_2_beta*beta_dot_times_mass_trailer
+        + inertia_trailer*trailer_turning_v*trailer_turning_v_dot_by_beta
+        + inertia_trailer*trailer_turning_v_by_beta*trailer_turning_v_dot
+    )
     force_v_by_beta = -coriolis_v_omega_by_beta*omega - coriolis_v_v_by_beta*v
-    term_48 = inertia_trailer*trailer_turning_omega
+    term_27 = inertia_trailer*trailer_turning_omega
     inertia_v_omega_by_beta = (
-            -cos_2_beta*term_10 + term_42*trailer_turning_omega_by_beta + term_48*trailer_turning_v_by_beta
-        )
-    ratio_omega_v_by_beta = -inertia_v_omega*term_9 + inertia_v_omega_by_beta*inertia_v_v_inverse
-    term_49 = term_11*term_32
+        -cos_2_beta*e_times_mass_trailer + term_22*trailer_turning_omega_by_beta + term_27*trailer_turning_v_by_beta
+    )
+    ratio_omega_v_by_beta = -inertia_v_omega*term_5 + inertia_v_omega_by_beta*inertia_v_v_inverse
+    term_28 = term_6*e_squared_times_mass_trailer
     coriolis_omega_omega_by_beta = (
-            beta_dot_by_beta*term_49 + cos_2_beta*term_41 + term_40*trailer_turning_omega_by_beta
-            + term_48*trailer_turning_omega_dot_by_beta
-        )
-    term_50 = sin_beta_squared*term_10
+        beta_dot_by_beta*term_28 + cos_2_beta*term_21 + term_20*trailer_turning_omega_by_beta
+        + term_27*trailer_turning_omega_dot_by_beta
+    )
+    term_29 = sin_beta_squared*e_times_mass_trailer
     coriolis_omega_v_by_beta = (
-            beta_dot_by_beta*term_45 + beta_dot_by_beta*term_50 - cos_beta*term_39 - sin_beta*term_28
-            + term_25*trailer_turning_v_by_beta + term_36*trailer_turning_omega_by_beta + term_43
-            + term_48*trailer_turning_v_dot_by_beta
-        )
+        beta_dot_by_beta*term_25 + beta_dot_by_beta*term_29 - cos_beta*term_19 - sin_beta*term_13
+        + term_11*trailer_turning_v_by_beta + term_16*trailer_turning_omega_by_beta + term_23
+        + term_27*trailer_turning_v_dot_by_beta
+    )
     force_omega_by_beta = (
-            -coriolis_omega_omega_by_beta*omega - coriolis_omega_v_by_beta*v - force_v*ratio_omega_v_by_beta
-            - force_v_by_beta*ratio_omega_v
-        )
-    inertia_omega_omega_by_beta = term_32*term_8 + 2*term_48*trailer_turning_omega_by_beta
+        -coriolis_omega_omega_by_beta*omega - coriolis_omega_v_by_beta*v - force_v*ratio_omega_v_by_beta
+        - force_v_by_beta*ratio_omega_v
+    )
+    inertia_omega_omega_by_beta = e_squared_times_mass_trailer*term_4 + 2*term_27*trailer_turning_omega_by_beta
     pivot_omega_by_beta = (
-            inertia_omega_omega_by_beta - 2*inertia_v_v*ratio_omega_v*ratio_omega_v_by_beta
-            - inertia_v_v_by_beta*ratio_omega_v_squared
-        )
+        inertia_omega_omega_by_beta - 2*inertia_v_v*ratio_omega_v*ratio_omega_v_by_beta
+        - inertia_v_v_by_beta*ratio_omega_v_squared
+    )
     omega_dot_by_beta = -force_omega*pivot_omega_by_beta/pivot_omega**2 + force_omega_by_beta*pivot_omega_inverse
     v_dot_by_beta = (
-            -force_v*term_9 + force_v_by_beta*inertia_v_v_inverse - omega_dot*ratio_omega_v_by_beta
-            - omega_dot_by_beta*ratio_omega_v
-        )
+        -force_v*term_5 + force_v_by_beta*inertia_v_v_inverse - omega_dot*ratio_omega_v_by_beta
+        - omega_dot_by_beta*ratio_omega_v
+    )
     trailer_turning_omega_dot_by_v = trailer_turning_omega_by_beta*trailer_turning_v
     coriolis_v_omega_by_v = (
-            term_42*trailer_turning_omega_dot_by_v - term_44*trailer_turning_v + term_46*trailer_turning_v
-        )
-    trailer_turning_v_dot_by_v = -term_2*trailer_turning_v
-    coriolis_v_v_by_v = term_42*trailer_turning_v_dot_by_v - term_47*trailer_turning_v
+        term_22*trailer_turning_omega_dot_by_v - term_24*trailer_turning_v - term_25*trailer_turning_v
+    )
+    trailer_turning_v_dot_by_v = trailer_turning_v_by_beta*trailer_turning_v
+    coriolis_v_v_by_v = term_22*trailer_turning_v_dot_by_v - term_26*trailer_turning_v
     force_v_by_v = -coriolis_v_omega_by_v*omega - coriolis_v_v - coriolis_v_v_by_v*v
-    coriolis_omega_omega_by_v = term_48*trailer_turning_omega_dot_by_v + term_49*trailer_turning_v
-    coriolis_omega_v_by_v = (
-            term_45*trailer_turning_v + term_48*trailer_turning_v_dot_by_v + term_50*trailer_turning_v
-        )
+    coriolis_omega_omega_by_v = term_27*trailer_turning_omega_dot_by_v + term_28*trailer_turning_v
+    coriolis_omega_v_by_v = term_25*trailer_turning_v + term_27*trailer_turning_v_dot_by_v + term_29*trailer_turning_v
     force_omega_by_v = (
-            -coriolis_omega_omega_by_v*omega - coriolis_omega_v - coriolis_omega_v_by_v*v - force_v_by_v*ratio_omega_v
-        )
+        -coriolis_omega_omega_by_v*omega - coriolis_omega_v - coriolis_omega_v_by_v*v - force_v_by_v*ratio_omega_v
+    )
     omega_dot_by_v = force_omega_by_v*pivot_omega_inverse
     v_dot_by_v = force_v_by_v*inertia_v_v_inverse - omega_dot_by_v*ratio_omega_v
     trailer_turning_omega_dot_by_omega = beta_dot_omega*trailer_turning_omega_by_beta
     coriolis_v_omega_by_omega = (
-            -beta_dot_omega*term_44 + inertia_trailer*trailer_turning_omega_dot_by_omega*trailer_turning_v - term_20
-            + term_46*trailer_turning_omega
-        )
-    trailer_turning_v_dot_by_omega = -beta_dot_omega*term_2
-    coriolis_v_v_by_omega = (
-            -beta_dot_omega*term_47 + inertia_trailer*trailer_turning_v*trailer_turning_v_dot_by_omega
-        )
+        -beta_dot_omega*term_24 + inertia_trailer*trailer_turning_omega_dot_by_omega*trailer_turning_v - d_times_m_C
+        - term_25*trailer_turning_omega
+    )
+    trailer_turning_v_dot_by_omega = beta_dot_omega*trailer_turning_v_by_beta
+    coriolis_v_v_by_omega = -beta_dot_omega*term_26 + inertia_trailer*trailer_turning_v*trailer_turning_v_dot_by_omega
     force_v_by_omega = -coriolis_v_omega - coriolis_v_omega_by_omega*omega - coriolis_v_v_by_omega*v
-    coriolis_omega_omega_by_omega = beta_dot_omega*term_49 + term_48*trailer_turning_omega_dot_by_omega
+    coriolis_omega_omega_by_omega = beta_dot_omega*term_28 + term_27*trailer_turning_omega_dot_by_omega
     coriolis_omega_v_by_omega = (
-            beta_dot_omega*term_50 + term_20 + term_45*trailer_turning_omega + term_48*trailer_turning_v_dot_by_omega
-        )
+        beta_dot_omega*term_29 + d_times_m_C + term_25*trailer_turning_omega + term_27*trailer_turning_v_dot_by_omega
+    )
     force_omega_by_omega = (
-            -coriolis_omega_omega - coriolis_omega_omega_by_omega*omega - coriolis_omega_v_by_omega*v
-            - force_v_by_omega*ratio_omega_v
-        )
+        -coriolis_omega_omega - coriolis_omega_omega_by_omega*omega - coriolis_omega_v_by_omega*v
+        - force_v_by_omega*ratio_omega_v
+    )
     omega_dot_by_omega = force_omega_by_omega*pivot_omega_inverse
     v_dot_by_omega = force_v_by_omega*inertia_v_v_inverse - omega_dot_by_omega*ratio_omega_v
     out = _zeros((6, 6), x, u, w, p)
@@ -678,7 +576,7 @@ def state_jacobian(x, u, w, p):
 
 @_function(x=6, u=2, w=2, p=16)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (6,)
     u: motor voltages, (2,)
@@ -687,51 +585,37 @@ def input_jacobian(x, u, w, p):
     Returns: shape (2n-m, n_u) = (6, 2); 66 operations.
     """
     beta = x[3]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    e = p[8]
-    d_t = p[9]
-    s_t = p[10]
-    b_t = p[11]
-    m_t = p[12]
-    I_t = p[13]
-    K1 = p[14]
+    r, b, d, m_C, m_w, I_m, I_C, e, d_t, s_t, b_t, m_t, I_t, K1 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14]
+    )
     cos_beta = cos(beta)
     sin_beta = sin(beta)
     d_t_inverse = 1/d_t
     trailer_turning_v = -d_t_inverse*sin_beta
-    term_2 = 2*m_w
-    mass_tractor = m_C + term_2
-    mass_trailer = m_t + term_2
-    inertia_trailer = I_t + b_t**2*term_2 + m_t*s_t**2
+    term_1 = 2*m_w
+    mass_tractor = m_C + term_1
+    mass_trailer = m_t + term_1
+    inertia_trailer = I_t + b_t**2*term_1 + m_t*s_t**2
     inertia_v_v = cos_beta**2*mass_trailer + inertia_trailer*trailer_turning_v**2 + mass_tractor
     inertia_v_v_inverse = 1/inertia_v_v
     force_v_by_u_r = K1/r
-    term_4 = force_v_by_u_r*inertia_v_v_inverse
-    sin_2_beta = sin(2*beta)
+    term_2 = force_v_by_u_r*inertia_v_v_inverse
     trailer_turning_omega = -cos_beta*d_t_inverse*e
-    inertia_v_omega = -e*mass_trailer*sin_2_beta/2 + inertia_trailer*trailer_turning_omega*trailer_turning_v
+    inertia_v_omega = -e*mass_trailer*sin(2*beta)/2 + inertia_trailer*trailer_turning_omega*trailer_turning_v
     ratio_omega_v = inertia_v_omega*inertia_v_v_inverse
-    inertia_tractor = I_C + 2*I_m + b**2*term_2 + d**2*m_C
+    inertia_tractor = I_C + 2*I_m + b**2*term_1 + d**2*m_C
     inertia_omega_omega = e**2*mass_trailer*sin_beta**2 + inertia_tractor + inertia_trailer*trailer_turning_omega**2
     pivot_omega = inertia_omega_omega - inertia_v_v*ratio_omega_v**2
     pivot_omega_inverse = 1/pivot_omega
-    term_6 = force_v_by_u_r*ratio_omega_v
-    term_7 = b*force_v_by_u_r
-    force_omega_by_u_r = -term_6 + term_7
+    term_3 = force_v_by_u_r*ratio_omega_v
+    b_times_force_v_by_u_r = b*force_v_by_u_r
+    force_omega_by_u_r = -term_3 + b_times_force_v_by_u_r
     omega_dot_by_u_r = force_omega_by_u_r*pivot_omega_inverse
-    v_dot_by_u_r = -omega_dot_by_u_r*ratio_omega_v + term_4
-    force_omega_by_u_l = -term_6 - term_7
+    force_omega_by_u_l = -term_3 - b_times_force_v_by_u_r
     omega_dot_by_u_l = force_omega_by_u_l*pivot_omega_inverse
-    v_dot_by_u_l = -omega_dot_by_u_l*ratio_omega_v + term_4
     out = _zeros((6, 2), x, u, w, p)
-    out[4, 0] = v_dot_by_u_r
-    out[4, 1] = v_dot_by_u_l
+    out[4, 0] = -omega_dot_by_u_r*ratio_omega_v + term_2
+    out[4, 1] = -omega_dot_by_u_l*ratio_omega_v + term_2
     out[5, 0] = omega_dot_by_u_r
     out[5, 1] = omega_dot_by_u_l
     return out
@@ -739,55 +623,43 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=16)
 def base_parameters(p):
-    """theta(p), inverse form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (16,)
     Returns: shape (n_theta,) = (10,); 60 operations.
     """
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    e = p[8]
-    d_t = p[9]
-    s_t = p[10]
-    b_t = p[11]
-    m_t = p[12]
-    I_t = p[13]
-    K1 = p[14]
-    K2 = p[15]
+    r, b, d, m_C, m_w, I_m, I_C, e, d_t, s_t, b_t, m_t, I_t, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse*K2/r
-    term_3 = K1_inverse*r
-    term_4 = term_3/2
-    term_5 = d*m_C*term_4
-    term_6 = 2*m_w
-    mass_tractor = m_C + term_6
-    term_7 = mass_tractor*term_4
+    term_1 = K1_inverse*K2/r
+    r_over_K1 = K1_inverse*r
+    term_2 = r_over_K1/2
+    term_3 = d*m_C*term_2
+    term_4 = 2*m_w
+    mass_tractor = m_C + term_4
+    term_5 = mass_tractor*term_2
     b_inverse = 1/b
-    mass_trailer = m_t + term_6
-    inertia_trailer = I_t + b_t**2*term_6 + m_t*s_t**2
-    term_9 = inertia_trailer*term_4
+    mass_trailer = m_t + term_4
+    inertia_trailer = I_t + b_t**2*term_4 + m_t*s_t**2
+    term_6 = inertia_trailer*term_2
     d_t_squared = d_t**2
-    term_11 = b_inverse*term_4
-    term_12 = mass_trailer*term_11
-    term_13 = term_3/4
-    term_14 = m_t*s_t*term_4
-    inertia_tractor = I_C + 2*I_m + b**2*term_6 + d**2*m_C
-    out = _empty((10,), p)
-    out[0] = b*term_2
-    out[1] = term_2
-    out[2] = e*term_7 + term_5
-    out[3] = K1_inverse*b_inverse*e*mass_trailer*r/2 - b_inverse*term_5
-    out[4] = -b_inverse*term_9 + d_t_squared*term_12
-    out[5] = d_t_squared*term_7 + term_9
-    out[6] = mass_tractor*term_13 + mass_trailer*term_13
-    out[7] = d_t*term_7 + term_14
-    out[8] = -b_inverse*term_14 + d_t*term_12
-    out[9] = e**2*term_12 + inertia_tractor*term_11
+    term_7 = b_inverse*term_2
+    term_8 = mass_trailer*term_7
+    term_9 = r_over_K1/4
+    term_10 = m_t*s_t*term_2
+    inertia_tractor = I_C + 2*I_m + b**2*term_4 + d**2*m_C
+    out = _zeros((10,), p)
+    out[0] = b*term_1
+    out[1] = term_1
+    out[2] = e*term_5 + term_3
+    out[3] = K1_inverse*b_inverse*e*mass_trailer*r/2 - b_inverse*term_3
+    out[4] = -b_inverse*term_6 + d_t_squared*term_8
+    out[5] = d_t_squared*term_5 + term_6
+    out[6] = mass_tractor*term_9 + mass_trailer*term_9
+    out[7] = d_t*term_5 + term_10
+    out[8] = -b_inverse*term_10 + d_t*term_8
+    out[9] = e**2*term_8 + inertia_tractor*term_7
     return out
 
 
@@ -799,15 +671,11 @@ def output(q, c):
     c: known constants, (3,)
     Returns: shape (n-m,) = (2,); 6 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
+    x, y, phi = q[0], q[1], q[2]
     L = c[0]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
-    out = _empty((2,), q, c)
-    out[0] = L*cos_phi + x
-    out[1] = L*sin_phi + y
+    out = _zeros((2,), q, c)
+    out[0] = L*cos(phi) + x
+    out[1] = L*sin(phi) + y
     return out
 
 
@@ -821,13 +689,10 @@ def output_jacobian(q, c):
     """
     phi = q[2]
     L = c[0]
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
     out = _zeros((2, 4), q, c)
-    out[0, 0] = 1
-    out[0, 2] = -L*sin_phi
-    out[1, 1] = 1
-    out[1, 2] = L*cos_phi
+    out[0, 0] = out[1, 1] = 1
+    out[0, 2] = -L*sin(phi)
+    out[1, 2] = L*cos(phi)
     return out
 
 
@@ -839,115 +704,101 @@ def output_rate(x, c):
     c: known constants, (3,)
     Returns: shape (n-m,) = (2,); 9 operations.
     """
-    phi = x[2]
-    v = x[4]
-    omega = x[5]
+    phi, v, omega = x[2], x[4], x[5]
     L = c[0]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    term_1 = L*omega
-    out = _empty((2,), x, c)
-    out[0] = cos_phi*v - sin_phi*term_1
-    out[1] = cos_phi*term_1 + sin_phi*v
+    L_times_omega = L*omega
+    out = _zeros((2,), x, c)
+    out[0] = cos_phi*v - sin_phi*L_times_omega
+    out[1] = cos_phi*L_times_omega + sin_phi*v
     return out
 
 
 @_function(x=6, c=3)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (6,)
     c: known constants, (3,)
     Returns: shape (n-m,) = (2,); 13 operations.
     """
-    phi = x[2]
-    v = x[4]
-    omega = x[5]
+    phi, v, omega = x[2], x[4], x[5]
     L = c[0]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    term_1 = L*omega**2
-    out = _empty((2,), x, c)
-    out[0] = -cos_phi*term_1 - omega*sin_phi*v
-    out[1] = cos_phi*omega*v - sin_phi*term_1
+    L_times_omega_squared = L*omega**2
+    out = _zeros((2,), x, c)
+    out[0] = -cos_phi*L_times_omega_squared - omega*sin_phi*v
+    out[1] = cos_phi*omega*v - sin_phi*L_times_omega_squared
     return out
 
 
 @_function(x=6, theta=10, c=3)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (6,)
     theta: base parameters, (10,)
     c: known constants, (3,)
     Returns: shape (n-m,) = (2,); 112 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta8 = theta[7]
-    theta9 = theta[8]
-    theta10 = theta[9]
-    L = c[0]
-    e = c[1]
-    d_t = c[2]
+    phi, beta, v, omega = x[2], x[3], x[4], x[5]
+    theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8, theta9, theta10 = (
+        theta[0], theta[1], theta[2], theta[3], theta[4], theta[5], theta[6], theta[7], theta[8], theta[9]
+    )
+    L, e, d_t = c[0], c[1], c[2]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     sin_beta = sin(beta)
     d_t_inverse = 1/d_t
-    term_2 = d_t_inverse*sin_beta
-    trailer_turning_v = -term_2
+    sin_beta_over_d_t = d_t_inverse*sin_beta
+    trailer_turning_v = -sin_beta_over_d_t
     cos_beta = cos(beta)
-    term_3 = cos_beta*d_t_inverse
-    trailer_turning_omega = -e*term_3
-    term_4 = theta5*trailer_turning_omega*trailer_turning_v
-    term_5 = 2*cos_beta**2
-    term_6 = term_5*theta7 + theta6*trailer_turning_v**2
-    u_r_per_v = -term_4 + term_6
-    term_7 = theta5*trailer_turning_omega**2
+    cos_beta_over_d_t = cos_beta*d_t_inverse
+    trailer_turning_omega = -e*cos_beta_over_d_t
+    term_1 = theta5*trailer_turning_omega*trailer_turning_v
+    term_2 = 2*cos_beta**2
+    term_3 = term_2*theta7 + theta6*trailer_turning_v**2
+    u_r_per_v = -term_1 + term_3
+    term_4 = theta5*trailer_turning_omega**2
     sin_2_beta = sin(2*beta)
-    term_8 = e*sin_2_beta*theta7 - theta6*trailer_turning_omega*trailer_turning_v
-    u_r_per_omega = -term_7 - term_8 + theta10
-    u_l_per_v = term_4 + term_6
-    u_l_per_omega = term_7 - term_8 - theta10
+    term_5 = e*sin_2_beta*theta7 - theta6*trailer_turning_omega*trailer_turning_v
+    u_r_per_omega = -term_4 - term_5 + theta10
+    u_l_per_v = term_1 + term_3
+    u_l_per_omega = term_4 - term_5 - theta10
     effort_determinant = u_l_per_omega*u_r_per_v - u_l_per_v*u_r_per_omega
     effort_determinant_inverse = 1/effort_determinant
-    term_10 = omega*theta1
-    term_11 = omega*trailer_turning_omega
-    term_12 = trailer_turning_omega*v
-    term_13 = trailer_turning_v*v
+    omega_times_theta1 = omega*theta1
+    term_6 = omega*trailer_turning_omega
+    trailer_turning_omega_times_v = trailer_turning_omega*v
+    trailer_turning_v_times_v = trailer_turning_v*v
     beta_dot_omega = trailer_turning_omega - 1
-    beta_dot = beta_dot_omega*omega + term_13
-    trailer_turning_v_dot = -beta_dot*term_3
-    term_14 = beta_dot*e
-    trailer_turning_omega_dot = term_14*term_2
-    term_15 = term_11*trailer_turning_omega_dot + term_12*trailer_turning_v_dot
-    trailer_turning = term_11 + term_13
-    term_16 = cos_beta*trailer_turning
-    term_17 = e*sin_beta*trailer_turning
-    term_18 = term_12*term_16 + term_13*term_17
-    term_19 = omega*theta4*v
-    term_20 = omega*trailer_turning_v
-    term_21 = (
-            -omega**2*theta3 + theta2*v + theta6*(term_13*trailer_turning_v_dot + term_20*trailer_turning_omega_dot)
-            + theta7*(-beta_dot*sin_2_beta*v - omega*term_14*term_5) + theta8*(-term_11*term_16 - term_17*term_20)
-        )
-    u_l_hold = -term_10 + term_15*theta5 + term_18*theta9 + term_19 + term_21
-    term_22 = effort_determinant_inverse*u_l_hold
-    u_r_hold = term_10 - term_15*theta5 - term_18*theta9 - term_19 + term_21
-    term_23 = -effort_determinant_inverse*u_l_per_omega*u_r_hold + term_22*u_r_per_omega
-    term_24 = L*(effort_determinant_inverse*u_l_per_v*u_r_hold - term_22*u_r_per_v)
-    out = _empty((2,), x, theta, c)
-    out[0] = cos_phi*term_23 - sin_phi*term_24
-    out[1] = cos_phi*term_24 + sin_phi*term_23
+    beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
+    trailer_turning_v_dot = -beta_dot*cos_beta_over_d_t
+    beta_dot_times_e = beta_dot*e
+    trailer_turning_omega_dot = beta_dot_times_e*sin_beta_over_d_t
+    term_7 = term_6*trailer_turning_omega_dot + trailer_turning_omega_times_v*trailer_turning_v_dot
+    trailer_turning = term_6 + trailer_turning_v_times_v
+    cos_beta_times_trailer_turning = cos_beta*trailer_turning
+    term_8 = e*sin_beta*trailer_turning
+    term_9 = trailer_turning_omega_times_v*cos_beta_times_trailer_turning + trailer_turning_v_times_v*term_8
+    term_10 = omega*theta4*v
+    omega_times_trailer_turning_v = omega*trailer_turning_v
+    term_11 = (
+        -omega**2*theta3 + theta2*v + theta6*(trailer_turning_v_times_v*trailer_turning_v_dot
+        + omega_times_trailer_turning_v*trailer_turning_omega_dot) + theta7*(-beta_dot*sin_2_beta*v
+        - omega*beta_dot_times_e*term_2) + theta8*(-term_6*cos_beta_times_trailer_turning
+        - term_8*omega_times_trailer_turning_v)
+    )
+    u_l_hold = -omega_times_theta1 + term_7*theta5 + term_9*theta9 + term_10 + term_11
+    term_12 = effort_determinant_inverse*u_l_hold
+    u_r_hold = omega_times_theta1 - term_7*theta5 - term_9*theta9 - term_10 + term_11
+    term_13 = -effort_determinant_inverse*u_l_per_omega*u_r_hold + term_12*u_r_per_omega
+    term_14 = L*(effort_determinant_inverse*u_l_per_v*u_r_hold - term_12*u_r_per_v)
+    out = _zeros((2,), x, theta, c)
+    out[0] = cos_phi*term_13 - sin_phi*term_14
+    out[1] = cos_phi*term_14 + sin_phi*term_13
     return out
 
 
@@ -960,42 +811,33 @@ def decoupling_matrix(x, theta, c):
     c: known constants, (3,)
     Returns: shape (n-m, n_u) = (2, 2); 55 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta10 = theta[9]
-    L = c[0]
-    e = c[1]
-    d_t = c[2]
-    cos_phi = cos(phi)
-    sin_beta = sin(beta)
+    phi, beta = x[2], x[3]
+    theta5, theta6, theta7, theta10 = theta[4], theta[5], theta[6], theta[9]
+    L, e, d_t = c[0], c[1], c[2]
     d_t_inverse = 1/d_t
-    trailer_turning_v = -d_t_inverse*sin_beta
+    trailer_turning_v = -d_t_inverse*sin(beta)
     cos_beta = cos(beta)
     trailer_turning_omega = -cos_beta*d_t_inverse*e
-    term_2 = theta5*trailer_turning_omega*trailer_turning_v
-    term_3 = 2*cos_beta**2*theta7 + theta6*trailer_turning_v**2
-    u_r_per_v = -term_2 + term_3
-    term_4 = theta5*trailer_turning_omega**2
-    sin_2_beta = sin(2*beta)
-    term_5 = e*sin_2_beta*theta7 - theta6*trailer_turning_omega*trailer_turning_v
-    u_r_per_omega = -term_4 - term_5 + theta10
-    u_l_per_v = term_2 + term_3
-    u_l_per_omega = term_4 - term_5 - theta10
+    term_1 = theta5*trailer_turning_omega*trailer_turning_v
+    term_2 = 2*cos_beta**2*theta7 + theta6*trailer_turning_v**2
+    u_r_per_v = -term_1 + term_2
+    term_3 = theta5*trailer_turning_omega**2
+    term_4 = e*sin(2*beta)*theta7 - theta6*trailer_turning_omega*trailer_turning_v
+    u_r_per_omega = -term_3 - term_4 + theta10
+    u_l_per_v = term_1 + term_2
+    u_l_per_omega = term_3 - term_4 - theta10
     effort_determinant = u_l_per_omega*u_r_per_v - u_l_per_v*u_r_per_omega
     effort_determinant_inverse = 1/effort_determinant
-    term_7 = cos_phi*effort_determinant_inverse
+    term_5 = cos(phi)*effort_determinant_inverse
     sin_phi = sin(phi)
-    term_8 = effort_determinant_inverse*sin_phi
-    term_9 = L*term_8
-    term_10 = L*term_7
-    out = _empty((2, 2), x, theta, c)
-    out[0, 0] = term_7*u_l_per_omega + term_9*u_l_per_v
-    out[0, 1] = -term_7*u_r_per_omega - term_9*u_r_per_v
-    out[1, 0] = effort_determinant_inverse*sin_phi*u_l_per_omega - term_10*u_l_per_v
-    out[1, 1] = term_10*u_r_per_v - term_8*u_r_per_omega
+    term_6 = effort_determinant_inverse*sin_phi
+    term_7 = L*term_6
+    term_8 = L*term_5
+    out = _zeros((2, 2), x, theta, c)
+    out[0, 0] = term_5*u_l_per_omega + term_7*u_l_per_v
+    out[0, 1] = -term_5*u_r_per_omega - term_7*u_r_per_v
+    out[1, 0] = effort_determinant_inverse*sin_phi*u_l_per_omega - term_8*u_l_per_v
+    out[1, 1] = term_8*u_r_per_v - term_6*u_r_per_omega
     return out
 
 
@@ -1008,69 +850,60 @@ def inverse_regressor(x, a, c):
     c: known constants, (3,)
     Returns: shape (n_u, n_pi) = (2, 10); 70 operations.
     """
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    a_v = a[0]
-    a_omega = a[1]
-    e = c[1]
-    d_t = c[2]
-    term_1 = -omega**2
-    term_2 = omega*v
+    beta, v, omega = x[3], x[4], x[5]
+    a_v, a_omega = a[0], a[1]
+    e, d_t = c[1], c[2]
+    omega_times_v = omega*v
     cos_beta = cos(beta)
     d_t_inverse = 1/d_t
-    term_4 = cos_beta*d_t_inverse
-    trailer_turning_omega = -e*term_4
-    term_5 = omega*trailer_turning_omega
+    cos_beta_over_d_t = cos_beta*d_t_inverse
+    trailer_turning_omega = -e*cos_beta_over_d_t
+    term_1 = omega*trailer_turning_omega
     sin_beta = sin(beta)
-    term_6 = d_t_inverse*sin_beta
-    trailer_turning_v = -term_6
-    term_7 = trailer_turning_omega*trailer_turning_v
-    term_8 = trailer_turning_omega*v
-    term_9 = trailer_turning_v*v
+    sin_beta_over_d_t = d_t_inverse*sin_beta
+    trailer_turning_v = -sin_beta_over_d_t
+    term_2 = trailer_turning_omega*trailer_turning_v
+    trailer_turning_omega_times_v = trailer_turning_omega*v
+    trailer_turning_v_times_v = trailer_turning_v*v
     beta_dot_omega = trailer_turning_omega - 1
-    beta_dot = beta_dot_omega*omega + term_9
-    trailer_turning_v_dot = -beta_dot*term_4
-    term_10 = beta_dot*e
-    trailer_turning_omega_dot = term_10*term_6
-    term_11 = (
-            a_omega*trailer_turning_omega**2 + a_v*term_7 + term_5*trailer_turning_omega_dot
-            + term_8*trailer_turning_v_dot
-        )
-    term_12 = omega*trailer_turning_v
-    term_13 = (
-            a_omega*term_7 + a_v*trailer_turning_v**2 + term_12*trailer_turning_omega_dot + term_9*trailer_turning_v_dot
-        )
+    beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
+    trailer_turning_v_dot = -beta_dot*cos_beta_over_d_t
+    beta_dot_times_e = beta_dot*e
+    trailer_turning_omega_dot = beta_dot_times_e*sin_beta_over_d_t
+    term_3 = (
+        a_omega*trailer_turning_omega**2 + a_v*term_2 + term_1*trailer_turning_omega_dot
+        + trailer_turning_omega_times_v*trailer_turning_v_dot
+    )
+    omega_times_trailer_turning_v = omega*trailer_turning_v
+    term_4 = (
+        a_omega*term_2 + a_v*trailer_turning_v**2 + omega_times_trailer_turning_v*trailer_turning_omega_dot
+        + trailer_turning_v_times_v*trailer_turning_v_dot
+    )
     sin_2_beta = sin(2*beta)
     cos_beta_squared = cos_beta**2
-    term_15 = (
-            -a_omega*e*sin_2_beta + 2*a_v*cos_beta_squared - beta_dot*sin_2_beta*v - 2*cos_beta_squared*omega*term_10
-        )
-    trailer_turning = term_5 + term_9
-    term_16 = cos_beta*trailer_turning
-    term_17 = e*sin_beta*trailer_turning
-    term_18 = -term_12*term_17 - term_16*term_5
-    term_19 = term_16*term_8 + term_17*term_9
-    out = _empty((2, 10), x, a, c)
+    term_5 = (
+        -a_omega*e*sin_2_beta + 2*a_v*cos_beta_squared - beta_dot*sin_2_beta*v
+        - 2*cos_beta_squared*omega*beta_dot_times_e
+    )
+    trailer_turning = term_1 + trailer_turning_v_times_v
+    cos_beta_times_trailer_turning = cos_beta*trailer_turning
+    term_6 = e*sin_beta*trailer_turning
+    term_7 = cos_beta_times_trailer_turning*trailer_turning_omega_times_v + term_6*trailer_turning_v_times_v
+    out = _zeros((2, 10), x, a, c)
     out[0, 0] = omega
-    out[0, 1] = v
-    out[0, 2] = term_1
-    out[0, 3] = -term_2
-    out[0, 4] = -term_11
-    out[0, 5] = term_13
-    out[0, 6] = term_15
-    out[0, 7] = term_18
-    out[0, 8] = -term_19
+    out[0, 1] = out[1, 1] = v
+    out[0, 2] = out[1, 2] = -omega**2
+    out[0, 3] = -omega_times_v
+    out[0, 4] = -term_3
+    out[0, 5] = out[1, 5] = term_4
+    out[0, 6] = out[1, 6] = term_5
+    out[0, 7] = out[1, 7] = -omega_times_trailer_turning_v*term_6 - cos_beta_times_trailer_turning*term_1
+    out[0, 8] = -term_7
     out[0, 9] = a_omega
     out[1, 0] = -omega
-    out[1, 1] = v
-    out[1, 2] = term_1
-    out[1, 3] = term_2
-    out[1, 4] = term_11
-    out[1, 5] = term_13
-    out[1, 6] = term_15
-    out[1, 7] = term_18
-    out[1, 8] = term_19
+    out[1, 3] = omega_times_v
+    out[1, 4] = term_3
+    out[1, 8] = term_7
     out[1, 9] = -a_omega
     return out
 
@@ -1082,48 +915,36 @@ def inverse_base_parameters(p):
     p: physical parameters, (16,)
     Returns: shape (n_pi,) = (10,); 60 operations.
     """
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    e = p[8]
-    d_t = p[9]
-    s_t = p[10]
-    b_t = p[11]
-    m_t = p[12]
-    I_t = p[13]
-    K1 = p[14]
-    K2 = p[15]
+    r, b, d, m_C, m_w, I_m, I_C, e, d_t, s_t, b_t, m_t, I_t, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse*K2/r
-    term_3 = K1_inverse*r
-    term_4 = term_3/2
-    term_5 = d*m_C*term_4
-    term_6 = 2*m_w
-    mass_tractor = m_C + term_6
-    term_7 = mass_tractor*term_4
+    term_1 = K1_inverse*K2/r
+    r_over_K1 = K1_inverse*r
+    term_2 = r_over_K1/2
+    term_3 = d*m_C*term_2
+    term_4 = 2*m_w
+    mass_tractor = m_C + term_4
+    term_5 = mass_tractor*term_2
     b_inverse = 1/b
-    mass_trailer = m_t + term_6
-    inertia_trailer = I_t + b_t**2*term_6 + m_t*s_t**2
-    term_9 = inertia_trailer*term_4
+    mass_trailer = m_t + term_4
+    inertia_trailer = I_t + b_t**2*term_4 + m_t*s_t**2
+    term_6 = inertia_trailer*term_2
     d_t_squared = d_t**2
-    term_11 = b_inverse*term_4
-    term_12 = mass_trailer*term_11
-    term_13 = term_3/4
-    term_14 = m_t*s_t*term_4
-    inertia_tractor = I_C + 2*I_m + b**2*term_6 + d**2*m_C
-    out = _empty((10,), p)
-    out[0] = b*term_2
-    out[1] = term_2
-    out[2] = e*term_7 + term_5
-    out[3] = K1_inverse*b_inverse*e*mass_trailer*r/2 - b_inverse*term_5
-    out[4] = -b_inverse*term_9 + d_t_squared*term_12
-    out[5] = d_t_squared*term_7 + term_9
-    out[6] = mass_tractor*term_13 + mass_trailer*term_13
-    out[7] = d_t*term_7 + term_14
-    out[8] = -b_inverse*term_14 + d_t*term_12
-    out[9] = e**2*term_12 + inertia_tractor*term_11
+    term_7 = b_inverse*term_2
+    term_8 = mass_trailer*term_7
+    term_9 = r_over_K1/4
+    term_10 = m_t*s_t*term_2
+    inertia_tractor = I_C + 2*I_m + b**2*term_4 + d**2*m_C
+    out = _zeros((10,), p)
+    out[0] = b*term_1
+    out[1] = term_1
+    out[2] = e*term_5 + term_3
+    out[3] = K1_inverse*b_inverse*e*mass_trailer*r/2 - b_inverse*term_3
+    out[4] = -b_inverse*term_6 + d_t_squared*term_8
+    out[5] = d_t_squared*term_5 + term_6
+    out[6] = mass_tractor*term_9 + mass_trailer*term_9
+    out[7] = d_t*term_5 + term_10
+    out[8] = -b_inverse*term_10 + d_t*term_8
+    out[9] = e**2*term_8 + inertia_tractor*term_7
     return out

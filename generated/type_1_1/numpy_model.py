@@ -28,22 +28,9 @@ from numpy import cos, sin
 # Names in order, with units.
 NAME = "type_1_1"
 PARAMETRIZATION = "inverse"
-STATE = {
-    "x": "m",
-    "y": "m",
-    "phi": "rad",
-    "beta": "rad",
-    "fork_forward": "m/s",
-    "beta_rate": "rad/s",
-}
-INPUTS = {
-    "u_drive": "V",
-    "u_steer": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-}
+STATE = {"x": "m", "y": "m", "phi": "rad", "beta": "rad", "fork_forward": "m/s", "beta_rate": "rad/s"}
+INPUTS = {"u_drive": "V", "u_steer": "V"}
+OUTPUTS = {"y1": "m", "y2": "m"}
 PARAMETERS = {
     "r": "m",
     "r_r": "m",
@@ -82,10 +69,7 @@ DEFAULTS = {
     "K1_s": 2.0,
     "K2_s": 1.5,
 }
-KNOWN = {
-    "a": "m",
-    "L": "m",
-}
+KNOWN = {"a": "m", "L": "m"}
 BASE_PARAMETERS = {
     "theta1": "V s/m",
     "theta2": "V m s^2",
@@ -124,15 +108,17 @@ _BLOCK = 2048  # states evaluated together: their terms stay in the processor's 
 
 
 def _function(**sizes):
-    """The function below, for arguments of shape (..., size) for each of `sizes`; large batches block by block."""
-    expected = list(sizes.items())
+    """The function below for real arguments of shape (..., size), large batches block by block."""
 
     def decorate(term):
         @functools.wraps(term)
         def evaluate(*arguments, **named):
-            if named or len(arguments) != len(expected):
-                arguments = _in_order(term.__name__, sizes, arguments, named)
-            arrays = [_vector(value, name, size) for value, (name, size) in zip(arguments, expected, strict=True)]
+            if named or len(arguments) != len(sizes):
+                given = dict(zip(sizes, arguments, strict=False)) | named
+                if given.keys() != sizes.keys() or len(arguments) + len(named) != len(sizes):
+                    raise TypeError(f"{term.__name__}() takes the arguments {', '.join(sizes)}")
+                arguments = [given[name] for name in sizes]
+            arrays = list(map(_vector, arguments, sizes, sizes.values()))
             batches = {array.shape[:-1] for array in arrays if array.ndim > 1}
             if not batches:
                 return term(*arrays)
@@ -141,33 +127,13 @@ def _function(**sizes):
                 arrays = [a if a.ndim == 1 else np.broadcast_to(a, (*min(batches), a.shape[-1])) for a in arrays]
             batch = batches.pop()
             count = math.prod(batch)
-            rows = [array if array.ndim < 3 else array.reshape(count, array.shape[-1]) for array in arrays]
-            return _in_blocks(term, rows, count, batch)
+            columns = [a.T if a.ndim < 3 else a.reshape(count, a.shape[-1]).T for a in arrays]
+            out = _in_blocks(term, columns, count)
+            return out if len(batch) == 1 else out.reshape(*batch, *out.shape[1:])
 
         return evaluate
 
     return decorate
-
-
-def _in_blocks(term, rows, count, batch):
-    """The term for vectors (size,) and batches (count, size), with the shape `batch` in front."""
-    if count <= _BLOCK:
-        out = _batches_in_front(term(*[row.T for row in rows]))
-    else:
-        out = None
-        for part in (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK)):
-            value = _batches_in_front(term(*[row if row.ndim == 1 else row[part].T for row in rows]))
-            out = np.empty((count, *value.shape[1:])) if out is None else out
-            out[part] = value
-    return out if len(batch) == 1 else out.reshape(*batch, *out.shape[1:])
-
-
-def _in_order(term, sizes, arguments, named):
-    """Positional and named arguments in the order of `sizes`."""
-    given = dict(zip(sizes, arguments, strict=False)) | named
-    if given.keys() != sizes.keys() or len(arguments) + len(named) != len(sizes):
-        raise TypeError(f"{term}() takes the arguments {', '.join(sizes)}")
-    return [given[name] for name in sizes]
 
 
 def _vector(value, name, size):
@@ -175,10 +141,21 @@ def _vector(value, name, size):
     value = np.asarray(value)
     if value.dtype.kind not in "fiub":
         raise ValueError(f"{name} is not an array of real numbers")
-    value = value.astype(float, copy=False)
     if value.shape[-1:] != (size,):
         raise ValueError(f"{name} has shape {value.shape}; expected (..., {size})")
-    return value
+    return value.astype(float, copy=False)
+
+
+def _in_blocks(term, columns, count):
+    """The term's values (states, ...) for vectors (size,) and batches (size, states)."""
+    if count <= _BLOCK:
+        return _batches_in_front(term(*columns))
+    out = None
+    for part in (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK)):
+        value = _batches_in_front(term(*[column if column.ndim == 1 else column[:, part] for column in columns]))
+        out = np.empty((count, *value.shape[1:])) if out is None else out
+        out[part] = value
+    return out
 
 
 def _batches_in_front(value):
@@ -186,22 +163,9 @@ def _batches_in_front(value):
     return value.T if value.ndim == 2 else value.transpose(2, 0, 1)
 
 
-def _states(arguments):
-    """How many states the arguments (size, states) hold, as a shape; () for single vectors."""
-    for argument in arguments:
-        if argument.ndim > 1:
-            return argument.shape[1:]
-    return ()
-
-
-def _empty(shape, *arguments):
-    """Room for entries of `shape`, each for all states of the arguments."""
-    return np.empty(shape + _states(arguments))
-
-
 def _zeros(shape, *arguments):
-    """The same, zero."""
-    return np.zeros(shape + _states(arguments))
+    """Zeros of `shape`, each for all states of the arguments."""
+    return np.zeros(shape + next((argument.shape[1:] for argument in arguments if argument.ndim > 1), ()))
 
 
 @_function(q=4, p=17)
@@ -212,43 +176,32 @@ def constraint_matrix(q, p):
     p: physical parameters, (17,)
     Returns: shape (m, n) = (2, 4); 10 operations.
     """
-    phi = q[2]
-    beta = q[3]
+    phi, beta = q[2], q[3]
     a = p[2]
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    cos_beta_phi = cos(beta + phi)
-    cos_beta = cos(beta)
     out = _zeros((2, 4), q, p)
-    out[0, 0] = -sin_phi
-    out[0, 1] = cos_phi
-    out[1, 0] = -sin_beta_phi
-    out[1, 1] = cos_beta_phi
-    out[1, 2] = a*cos_beta
+    out[0, 0] = -sin(phi)
+    out[0, 1] = cos(phi)
+    out[1, 0] = -sin(beta + phi)
+    out[1, 1] = cos(beta + phi)
+    out[1, 2] = a*cos(beta)
     return out
 
 
 @_function(q=4, p=17)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (4,)
     p: physical parameters, (17,)
     Returns: shape (n, n-m) = (4, 2); 7 operations.
     """
-    phi = q[2]
-    beta = q[3]
+    phi, beta = q[2], q[3]
     a = p[2]
     cos_beta = cos(beta)
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
-    sin_beta = sin(beta)
-    fork_turning_fork_forward = sin_beta/a
     out = _zeros((4, 2), q, p)
-    out[0, 0] = cos_beta*cos_phi
-    out[1, 0] = cos_beta*sin_phi
-    out[2, 0] = fork_turning_fork_forward
+    out[0, 0] = cos_beta*cos(phi)
+    out[1, 0] = cos_beta*sin(phi)
+    out[2, 0] = sin(beta)/a
     out[3, 1] = 1
     return out
 
@@ -259,7 +212,7 @@ def actuator_rates_matrix(q, p):
 
     q: generalized coordinates, (4,)
     p: physical parameters, (17,)
-    Returns: shape (n_u, n-m) = (2, 2); 1 operations.
+    Returns: shape (n_u, n-m) = (2, 2); 1 operation.
     """
     r = p[0]
     out = _zeros((2, 2), q, p)
@@ -277,39 +230,27 @@ def inertia_matrix(q, p):
     Returns: shape (n-m, n-m) = (2, 2); 35 operations.
     """
     beta = q[3]
-    r = p[0]
-    r_r = p[1]
-    a = p[2]
-    b = p[3]
-    d = p[4]
-    m = p[6]
-    m_f = p[7]
-    m_r = p[8]
-    I = p[9]
-    I_f = p[10]
-    J_f = p[11]
-    J_r = p[12]
+    r, r_r, a, b, d, m, m_f, m_r, I, I_f, J_f, J_r = (
+        p[0], p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[11], p[12]
+    )
     cos_beta = cos(beta)
-    sin_beta = sin(beta)
-    fork_turning_fork_forward = sin_beta/a
+    fork_turning_fork_forward = sin(beta)/a
     fork_turning_fork_forward_squared = fork_turning_fork_forward**2
     r_r_inverse = 1/r_r
-    term_3 = b*fork_turning_fork_forward
-    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_3)
-    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_3)
-    term_4 = 2*m_r
-    mass_body = m + term_4
-    inertia_body = I + b**2*term_4 + d**2*m
+    term_1 = b*fork_turning_fork_forward
+    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_1)
+    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_1)
+    term_2 = 2*m_r
+    mass_body = m + term_2
+    inertia_body = I + b**2*term_2 + d**2*m
     inertia_fork_forward_fork_forward = (
-            I_f*fork_turning_fork_forward_squared + J_f/r**2 + J_r*rear_left_rate_fork_forward**2
-            + J_r*rear_right_rate_fork_forward**2 + cos_beta**2*mass_body
-            + fork_turning_fork_forward_squared*inertia_body + m_f
-        )
-    term_5 = I_f*fork_turning_fork_forward
-    out = _empty((2, 2), q, p)
+        I_f*fork_turning_fork_forward_squared + J_f/r**2 + J_r*rear_left_rate_fork_forward**2
+        + J_r*rear_right_rate_fork_forward**2 + cos_beta**2*mass_body + fork_turning_fork_forward_squared*inertia_body
+        + m_f
+    )
+    out = _zeros((2, 2), q, p)
     out[0, 0] = inertia_fork_forward_fork_forward
-    out[0, 1] = term_5
-    out[1, 0] = term_5
+    out[0, 1] = out[1, 0] = I_f*fork_turning_fork_forward
     out[1, 1] = I_f
     return out
 
@@ -322,49 +263,39 @@ def coriolis_matrix(x, p):
     p: physical parameters, (17,)
     Returns: shape (n-m, n-m) = (2, 2); 47 operations.
     """
-    beta = x[3]
-    beta_rate = x[5]
-    r = p[0]
-    r_r = p[1]
-    a = p[2]
-    b = p[3]
-    d = p[4]
-    m = p[6]
-    m_r = p[8]
-    I = p[9]
-    I_f = p[10]
-    J_r = p[12]
-    K2 = p[14]
-    K2_s = p[16]
+    beta, beta_rate = x[3], x[5]
+    r, r_r, a, b, d, m, m_r, I, I_f, J_r, K2, K2_s = (
+        p[0], p[1], p[2], p[3], p[4], p[6], p[8], p[9], p[10], p[12], p[14], p[16]
+    )
     sin_beta = sin(beta)
     cos_beta = cos(beta)
-    term_1 = beta_rate*cos_beta
+    beta_rate_times_cos_beta = beta_rate*cos_beta
     r_squared = r**2
     a_inverse = 1/a
-    fork_turning_fork_forward_dot = a_inverse*term_1
-    term_4 = I_f*fork_turning_fork_forward_dot
+    fork_turning_fork_forward_dot = a_inverse*beta_rate_times_cos_beta
+    term_1 = I_f*fork_turning_fork_forward_dot
     fork_turning_fork_forward = a_inverse*sin_beta
-    term_5 = fork_turning_fork_forward*r_squared
-    term_6 = J_r*r_squared
+    term_2 = fork_turning_fork_forward*r_squared
+    J_r_times_r_squared = J_r*r_squared
     r_r_inverse = 1/r_r
-    term_8 = b*fork_turning_fork_forward
-    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_8)
-    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_8)
-    term_9 = 2*m_r
-    mass_body = m + term_9
-    inertia_body = I + b**2*term_9 + d**2*m
-    term_10 = b*fork_turning_fork_forward_dot*r_r_inverse
-    term_11 = beta_rate*r_r_inverse*sin_beta
-    rear_left_rate_fork_forward_dot = -term_10 - term_11
-    rear_right_rate_fork_forward_dot = term_10 - term_11
+    term_3 = b*fork_turning_fork_forward
+    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_3)
+    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_3)
+    term_4 = 2*m_r
+    mass_body = m + term_4
+    inertia_body = I + b**2*term_4 + d**2*m
+    term_5 = b*fork_turning_fork_forward_dot*r_r_inverse
+    term_6 = beta_rate*r_r_inverse*sin_beta
+    rear_left_rate_fork_forward_dot = -term_5 - term_6
+    rear_right_rate_fork_forward_dot = term_5 - term_6
     coriolis_fork_forward_fork_forward = (
-            (K2 + fork_turning_fork_forward_dot*inertia_body*term_5 - mass_body*r_squared*sin_beta*term_1
-            + rear_left_rate_fork_forward*rear_left_rate_fork_forward_dot*term_6
-            + rear_right_rate_fork_forward*rear_right_rate_fork_forward_dot*term_6 + term_4*term_5)/r_squared
-        )
+        (K2 + fork_turning_fork_forward_dot*inertia_body*term_2 - mass_body*r_squared*sin_beta*beta_rate_times_cos_beta
+        + rear_left_rate_fork_forward*rear_left_rate_fork_forward_dot*J_r_times_r_squared
+        + rear_right_rate_fork_forward*rear_right_rate_fork_forward_dot*J_r_times_r_squared + term_1*term_2)/r_squared
+    )
     out = _zeros((2, 2), x, p)
     out[0, 0] = coriolis_fork_forward_fork_forward
-    out[1, 0] = term_4
+    out[1, 0] = term_1
     out[1, 1] = K2_s
     return out
 
@@ -375,11 +306,9 @@ def input_matrix(q, p):
 
     q: generalized coordinates, (4,)
     p: physical parameters, (17,)
-    Returns: shape (n-m, n_u) = (2, 2); 1 operations.
+    Returns: shape (n-m, n_u) = (2, 2); 1 operation.
     """
-    r = p[0]
-    K1 = p[13]
-    K1_s = p[15]
+    r, K1, K1_s = p[0], p[13], p[15]
     out = _zeros((2, 2), q, p)
     out[0, 0] = K1/r
     out[1, 1] = K1_s
@@ -396,83 +325,62 @@ def state_derivative(x, u, w, p):
     p: physical parameters, (17,)
     Returns: shape (2n-m,) = (6,); 93 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    fork_forward = x[4]
-    beta_rate = x[5]
-    u_drive = u[0]
-    u_steer = u[1]
-    w_fork_forward = w[0]
-    w_beta_rate = w[1]
-    r = p[0]
-    r_r = p[1]
-    a = p[2]
-    b = p[3]
-    d = p[4]
-    m = p[6]
-    m_f = p[7]
-    m_r = p[8]
-    I = p[9]
-    I_f = p[10]
-    J_f = p[11]
-    J_r = p[12]
-    K1 = p[13]
-    K2 = p[14]
-    K1_s = p[15]
-    K2_s = p[16]
-    cos_phi = cos(phi)
+    phi, beta, fork_forward, beta_rate = x[2], x[3], x[4], x[5]
+    u_drive, u_steer = u[0], u[1]
+    w_fork_forward, w_beta_rate = w[0], w[1]
+    r, r_r, a, b, d, m, m_f, m_r, I, I_f, J_f, J_r, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
     cos_beta = cos(beta)
-    term_1 = cos_beta*fork_forward
-    x_dot = cos_phi*term_1
-    sin_phi = sin(phi)
-    y_dot = sin_phi*term_1
+    cos_beta_times_fork_forward = cos_beta*fork_forward
     sin_beta = sin(beta)
     a_inverse = 1/a
     fork_turning_fork_forward = a_inverse*sin_beta
     fork_turning_fork_forward_squared = fork_turning_fork_forward**2
     r_squared = r**2
-    term_5 = 1/r_squared
+    r_squared_inverse = 1/r_squared
     r_r_inverse = 1/r_r
-    term_7 = b*fork_turning_fork_forward
-    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_7)
-    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_7)
-    term_8 = 2*m_r
-    mass_body = m + term_8
-    inertia_body = I + b**2*term_8 + d**2*m
+    term_1 = b*fork_turning_fork_forward
+    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_1)
+    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_1)
+    term_2 = 2*m_r
+    mass_body = m + term_2
+    inertia_body = I + b**2*term_2 + d**2*m
     inertia_fork_forward_fork_forward = (
-            I_f*fork_turning_fork_forward_squared + J_f*term_5 + J_r*rear_left_rate_fork_forward**2
-            + J_r*rear_right_rate_fork_forward**2 + cos_beta**2*mass_body
-            + fork_turning_fork_forward_squared*inertia_body + m_f
-        )
+        I_f*fork_turning_fork_forward_squared + J_f*r_squared_inverse + J_r*rear_left_rate_fork_forward**2
+        + J_r*rear_right_rate_fork_forward**2 + cos_beta**2*mass_body + fork_turning_fork_forward_squared*inertia_body
+        + m_f
+    )
     inertia_fork_forward_fork_forward_inverse = 1/inertia_fork_forward_fork_forward
-    term_10 = I_f*fork_turning_fork_forward
-    ratio_beta_rate_fork_forward = inertia_fork_forward_fork_forward_inverse*term_10
-    term_11 = beta_rate*cos_beta
-    fork_turning_fork_forward_dot = a_inverse*term_11
-    term_12 = fork_turning_fork_forward_dot*r_squared
-    term_13 = J_r*r_squared
-    term_14 = b*fork_turning_fork_forward_dot*r_r_inverse
-    term_15 = beta_rate*r_r_inverse*sin_beta
-    rear_left_rate_fork_forward_dot = -term_14 - term_15
-    rear_right_rate_fork_forward_dot = term_14 - term_15
+    term_3 = I_f*fork_turning_fork_forward
+    ratio_beta_rate_fork_forward = inertia_fork_forward_fork_forward_inverse*term_3
+    beta_rate_times_cos_beta = beta_rate*cos_beta
+    fork_turning_fork_forward_dot = a_inverse*beta_rate_times_cos_beta
+    term_4 = fork_turning_fork_forward_dot*r_squared
+    J_r_times_r_squared = J_r*r_squared
+    term_5 = b*fork_turning_fork_forward_dot*r_r_inverse
+    term_6 = beta_rate*r_r_inverse*sin_beta
+    rear_left_rate_fork_forward_dot = -term_5 - term_6
+    rear_right_rate_fork_forward_dot = term_5 - term_6
     coriolis_fork_forward_fork_forward = (
-            term_5*(K2 + fork_turning_fork_forward*inertia_body*term_12 - mass_body*r_squared*sin_beta*term_11
-            + rear_left_rate_fork_forward*rear_left_rate_fork_forward_dot*term_13
-            + rear_right_rate_fork_forward*rear_right_rate_fork_forward_dot*term_13 + term_10*term_12)
-        )
+        r_squared_inverse*(K2 + fork_turning_fork_forward*inertia_body*term_4
+        - mass_body*r_squared*sin_beta*beta_rate_times_cos_beta
+        + rear_left_rate_fork_forward*rear_left_rate_fork_forward_dot*J_r_times_r_squared
+        + rear_right_rate_fork_forward*rear_right_rate_fork_forward_dot*J_r_times_r_squared + term_3*term_4)
+    )
     force_fork_forward = K1*u_drive/r - coriolis_fork_forward_fork_forward*fork_forward - w_fork_forward
     pivot_beta_rate = I_f - inertia_fork_forward_fork_forward*ratio_beta_rate_fork_forward**2
     force_beta_rate = (
-            -I_f*fork_forward*fork_turning_fork_forward_dot + K1_s*u_steer - K2_s*beta_rate
-            - force_fork_forward*ratio_beta_rate_fork_forward - w_beta_rate
-        )
+        -I_f*fork_forward*fork_turning_fork_forward_dot + K1_s*u_steer - K2_s*beta_rate
+        - force_fork_forward*ratio_beta_rate_fork_forward - w_beta_rate
+    )
     beta_rate_dot = force_beta_rate/pivot_beta_rate
     fork_forward_dot = (
-            -beta_rate_dot*ratio_beta_rate_fork_forward + force_fork_forward*inertia_fork_forward_fork_forward_inverse
-        )
-    out = _empty((6,), x, u, w, p)
-    out[0] = x_dot
-    out[1] = y_dot
+        -beta_rate_dot*ratio_beta_rate_fork_forward + force_fork_forward*inertia_fork_forward_fork_forward_inverse
+    )
+    out = _zeros((6,), x, u, w, p)
+    out[0] = cos(phi)*cos_beta_times_fork_forward
+    out[1] = sin(phi)*cos_beta_times_fork_forward
     out[2] = fork_forward*fork_turning_fork_forward
     out[3] = beta_rate
     out[4] = fork_forward_dot
@@ -482,7 +390,7 @@ def state_derivative(x, u, w, p):
 
 @_function(x=6, u=2, w=2, p=17)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (6,)
     u: motor voltages, (2,)
@@ -490,162 +398,140 @@ def state_jacobian(x, u, w, p):
     p: physical parameters, (17,)
     Returns: shape (2n-m, 2n-m) = (6, 6); 209 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    fork_forward = x[4]
-    beta_rate = x[5]
-    u_drive = u[0]
-    u_steer = u[1]
-    w_fork_forward = w[0]
-    w_beta_rate = w[1]
-    r = p[0]
-    r_r = p[1]
-    a = p[2]
-    b = p[3]
-    d = p[4]
-    m = p[6]
-    m_f = p[7]
-    m_r = p[8]
-    I = p[9]
-    I_f = p[10]
-    J_f = p[11]
-    J_r = p[12]
-    K1 = p[13]
-    K2 = p[14]
-    K1_s = p[15]
-    K2_s = p[16]
+    phi, beta, fork_forward, beta_rate = x[2], x[3], x[4], x[5]
+    u_drive, u_steer = u[0], u[1]
+    w_fork_forward, w_beta_rate = w[0], w[1]
+    r, r_r, a, b, d, m, m_f, m_r, I, I_f, J_f, J_r, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
     sin_phi = sin(phi)
     cos_beta = cos(beta)
-    term_1 = cos_beta*sin_phi
-    y_dot = fork_forward*term_1
+    cos_beta_times_sin_phi = cos_beta*sin_phi
+    y_dot = fork_forward*cos_beta_times_sin_phi
     cos_phi = cos(phi)
     sin_beta = sin(beta)
-    term_2 = fork_forward*sin_beta
-    x_dot_by_beta = -cos_phi*term_2
-    term_3 = cos_beta*cos_phi
-    x_dot = fork_forward*term_3
-    y_dot_by_beta = -sin_phi*term_2
+    fork_forward_times_sin_beta = fork_forward*sin_beta
+    cos_beta_times_cos_phi = cos_beta*cos_phi
     a_inverse = 1/a
     fork_turning_fork_forward_by_beta = a_inverse*cos_beta
-    term_5 = fork_forward*fork_turning_fork_forward_by_beta
+    term_1 = fork_forward*fork_turning_fork_forward_by_beta
     fork_turning_fork_forward = a_inverse*sin_beta
     fork_turning_fork_forward_squared = fork_turning_fork_forward**2
     r_squared = r**2
-    term_8 = 1/r_squared
-    term_9 = 2*m_r
-    mass_body = m + term_9
-    term_10 = cos_beta**2*mass_body
+    r_squared_inverse = 1/r_squared
+    term_2 = 2*m_r
+    mass_body = m + term_2
+    term_3 = cos_beta**2*mass_body
     r_r_inverse = 1/r_r
-    term_12 = b*fork_turning_fork_forward
-    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_12)
-    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_12)
-    inertia_body = I + b**2*term_9 + d**2*m
+    term_4 = b*fork_turning_fork_forward
+    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_4)
+    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_4)
+    inertia_body = I + b**2*term_2 + d**2*m
     inertia_fork_forward_fork_forward = (
-            I_f*fork_turning_fork_forward_squared + J_f*term_8 + J_r*rear_left_rate_fork_forward**2
-            + J_r*rear_right_rate_fork_forward**2 + fork_turning_fork_forward_squared*inertia_body + m_f + term_10
-        )
+        I_f*fork_turning_fork_forward_squared + J_f*r_squared_inverse + J_r*rear_left_rate_fork_forward**2
+        + J_r*rear_right_rate_fork_forward**2 + fork_turning_fork_forward_squared*inertia_body + m_f + term_3
+    )
     inertia_fork_forward_fork_forward_inverse = 1/inertia_fork_forward_fork_forward
-    term_14 = I_f*fork_turning_fork_forward
-    term_15 = J_r*rear_left_rate_fork_forward
-    term_16 = r_r_inverse*sin_beta
-    term_17 = b*r_r_inverse
-    term_18 = fork_turning_fork_forward_by_beta*term_17
-    rear_left_rate_fork_forward_by_beta = -term_16 - term_18
-    term_19 = rear_left_rate_fork_forward_by_beta*term_15
-    term_20 = J_r*rear_right_rate_fork_forward
-    rear_right_rate_fork_forward_by_beta = -term_16 + term_18
-    term_21 = rear_right_rate_fork_forward_by_beta*term_20
-    term_22 = mass_body*sin_beta
-    term_23 = cos_beta*term_22
+    term_5 = I_f*fork_turning_fork_forward
+    term_6 = J_r*rear_left_rate_fork_forward
+    sin_beta_over_r_r = r_r_inverse*sin_beta
+    b_over_r_r = b*r_r_inverse
+    term_7 = fork_turning_fork_forward_by_beta*b_over_r_r
+    rear_left_rate_fork_forward_by_beta = -sin_beta_over_r_r - term_7
+    term_8 = rear_left_rate_fork_forward_by_beta*term_6
+    term_9 = J_r*rear_right_rate_fork_forward
+    rear_right_rate_fork_forward_by_beta = -sin_beta_over_r_r + term_7
+    term_10 = rear_right_rate_fork_forward_by_beta*term_9
+    mass_body_times_sin_beta = mass_body*sin_beta
+    term_11 = cos_beta*mass_body_times_sin_beta
     inertia_fork_forward_fork_forward_by_beta = (
-            fork_turning_fork_forward_by_beta*(2*fork_turning_fork_forward*inertia_body + 2*term_14) + 2*term_19
-            + 2*term_21 - 2*term_23
-        )
-    term_24 = inertia_fork_forward_fork_forward_by_beta/inertia_fork_forward_fork_forward**2
-    ratio_beta_rate_fork_forward = inertia_fork_forward_fork_forward_inverse*term_14
+        fork_turning_fork_forward_by_beta*(2*fork_turning_fork_forward*inertia_body + 2*term_5) + 2*term_8 + 2*term_10
+        - 2*term_11
+    )
+    term_12 = inertia_fork_forward_fork_forward_by_beta/inertia_fork_forward_fork_forward**2
+    ratio_beta_rate_fork_forward = inertia_fork_forward_fork_forward_inverse*term_5
     fork_turning_fork_forward_dot = beta_rate*fork_turning_fork_forward_by_beta
-    term_25 = I_f*fork_turning_fork_forward_dot
-    term_26 = r_squared*term_25
-    term_27 = inertia_body*r_squared
-    term_28 = fork_turning_fork_forward_dot*term_27
-    term_29 = beta_rate*cos_beta
-    term_30 = fork_turning_fork_forward_dot*term_17
-    term_31 = beta_rate*term_16
-    rear_left_rate_fork_forward_dot = -term_30 - term_31
-    rear_right_rate_fork_forward_dot = term_30 - term_31
+    term_13 = I_f*fork_turning_fork_forward_dot
+    term_14 = r_squared*term_13
+    inertia_body_times_r_squared = inertia_body*r_squared
+    term_15 = fork_turning_fork_forward_dot*inertia_body_times_r_squared
+    beta_rate_times_cos_beta = beta_rate*cos_beta
+    term_16 = fork_turning_fork_forward_dot*b_over_r_r
+    term_17 = beta_rate*sin_beta_over_r_r
+    rear_left_rate_fork_forward_dot = -term_16 - term_17
+    rear_right_rate_fork_forward_dot = term_16 - term_17
     coriolis_fork_forward_fork_forward = (
-            term_8*(K2 + fork_turning_fork_forward*term_26 + fork_turning_fork_forward*term_28
-            + r_squared*rear_left_rate_fork_forward_dot*term_15 + r_squared*rear_right_rate_fork_forward_dot*term_20
-            - r_squared*term_22*term_29)
-        )
+        r_squared_inverse*(K2 + fork_turning_fork_forward*term_14 + fork_turning_fork_forward*term_15
+        + r_squared*rear_left_rate_fork_forward_dot*term_6 + r_squared*rear_right_rate_fork_forward_dot*term_9
+        - r_squared*mass_body_times_sin_beta*beta_rate_times_cos_beta)
+    )
     force_fork_forward = K1*u_drive/r - coriolis_fork_forward_fork_forward*fork_forward - w_fork_forward
     ratio_beta_rate_fork_forward_squared = ratio_beta_rate_fork_forward**2
     pivot_beta_rate = I_f - inertia_fork_forward_fork_forward*ratio_beta_rate_fork_forward_squared
     pivot_beta_rate_inverse = 1/pivot_beta_rate
     force_beta_rate = (
-            K1_s*u_steer - K2_s*beta_rate - force_fork_forward*ratio_beta_rate_fork_forward - fork_forward*term_25
-            - w_beta_rate
-        )
+        K1_s*u_steer - K2_s*beta_rate - force_fork_forward*ratio_beta_rate_fork_forward - fork_forward*term_13
+        - w_beta_rate
+    )
     beta_rate_dot = force_beta_rate*pivot_beta_rate_inverse
-    term_34 = fork_turning_fork_forward_by_beta*term_8
-    term_35 = fork_turning_fork_forward*term_27 + r_squared*term_14
+    term_18 = fork_turning_fork_forward_by_beta*r_squared_inverse
+    term_19 = fork_turning_fork_forward*inertia_body_times_r_squared + r_squared*term_5
     fork_turning_fork_forward_dot_by_beta = -beta_rate*fork_turning_fork_forward
-    term_36 = fork_turning_fork_forward_dot_by_beta*term_17
-    term_37 = r_r_inverse*term_29
-    rear_left_rate_fork_forward_dot_by_beta = -term_36 - term_37
-    rear_right_rate_fork_forward_dot_by_beta = term_36 - term_37
+    term_20 = fork_turning_fork_forward_dot_by_beta*b_over_r_r
+    term_21 = r_r_inverse*beta_rate_times_cos_beta
+    rear_left_rate_fork_forward_dot_by_beta = -term_20 - term_21
+    rear_right_rate_fork_forward_dot_by_beta = term_20 - term_21
     coriolis_fork_forward_fork_forward_by_beta = (
-            J_r*rear_left_rate_fork_forward_by_beta*rear_left_rate_fork_forward_dot
-            + J_r*rear_right_rate_fork_forward_by_beta*rear_right_rate_fork_forward_dot
-            + fork_turning_fork_forward_dot_by_beta*term_35*term_8 + rear_left_rate_fork_forward_dot_by_beta*term_15
-            + rear_right_rate_fork_forward_dot_by_beta*term_20 + term_34*(term_26 + term_28)
-            + term_8*(beta_rate*mass_body*r_squared*sin_beta**2 - beta_rate*r_squared*term_10)
-        )
+        J_r*rear_left_rate_fork_forward_by_beta*rear_left_rate_fork_forward_dot
+        + J_r*rear_right_rate_fork_forward_by_beta*rear_right_rate_fork_forward_dot
+        + fork_turning_fork_forward_dot_by_beta*term_19*r_squared_inverse
+        + rear_left_rate_fork_forward_dot_by_beta*term_6 + rear_right_rate_fork_forward_dot_by_beta*term_9
+        + term_18*(term_14 + term_15)
+        + r_squared_inverse*(beta_rate*mass_body*r_squared*sin_beta**2 - beta_rate*r_squared*term_3)
+    )
     ratio_beta_rate_fork_forward_by_beta = (
-            I_f*fork_turning_fork_forward_by_beta*inertia_fork_forward_fork_forward_inverse - term_14*term_24
-        )
+        I_f*fork_turning_fork_forward_by_beta*inertia_fork_forward_fork_forward_inverse - term_5*term_12
+    )
     force_beta_rate_by_beta = (
-            -I_f*fork_forward*fork_turning_fork_forward_dot_by_beta
-            + coriolis_fork_forward_fork_forward_by_beta*fork_forward*ratio_beta_rate_fork_forward
-            - force_fork_forward*ratio_beta_rate_fork_forward_by_beta
-        )
+        -I_f*fork_forward*fork_turning_fork_forward_dot_by_beta
+        + coriolis_fork_forward_fork_forward_by_beta*fork_forward*ratio_beta_rate_fork_forward
+        - force_fork_forward*ratio_beta_rate_fork_forward_by_beta
+    )
     pivot_beta_rate_by_beta = (
-            -2*inertia_fork_forward_fork_forward*ratio_beta_rate_fork_forward*ratio_beta_rate_fork_forward_by_beta
-            - inertia_fork_forward_fork_forward_by_beta*ratio_beta_rate_fork_forward_squared
-        )
+        -2*inertia_fork_forward_fork_forward*ratio_beta_rate_fork_forward*ratio_beta_rate_fork_forward_by_beta
+        - inertia_fork_forward_fork_forward_by_beta*ratio_beta_rate_fork_forward_squared
+    )
     beta_rate_dot_by_beta = (
-            -force_beta_rate*pivot_beta_rate_by_beta/pivot_beta_rate**2
-            + force_beta_rate_by_beta*pivot_beta_rate_inverse
-        )
+        -force_beta_rate*pivot_beta_rate_by_beta/pivot_beta_rate**2 + force_beta_rate_by_beta*pivot_beta_rate_inverse
+    )
     fork_forward_dot_by_beta = (
-            -beta_rate_dot*ratio_beta_rate_fork_forward_by_beta - beta_rate_dot_by_beta*ratio_beta_rate_fork_forward
-            - coriolis_fork_forward_fork_forward_by_beta*fork_forward*inertia_fork_forward_fork_forward_inverse
-            - force_fork_forward*term_24
-        )
-    force_beta_rate_by_fork_forward = coriolis_fork_forward_fork_forward*ratio_beta_rate_fork_forward - term_25
+        -beta_rate_dot*ratio_beta_rate_fork_forward_by_beta - beta_rate_dot_by_beta*ratio_beta_rate_fork_forward
+        - coriolis_fork_forward_fork_forward_by_beta*fork_forward*inertia_fork_forward_fork_forward_inverse
+        - force_fork_forward*term_12
+    )
+    force_beta_rate_by_fork_forward = coriolis_fork_forward_fork_forward*ratio_beta_rate_fork_forward - term_13
     beta_rate_dot_by_fork_forward = force_beta_rate_by_fork_forward*pivot_beta_rate_inverse
     fork_forward_dot_by_fork_forward = (
-            -beta_rate_dot_by_fork_forward*ratio_beta_rate_fork_forward
-            - coriolis_fork_forward_fork_forward*inertia_fork_forward_fork_forward_inverse
-        )
-    coriolis_fork_forward_fork_forward_by_beta_rate = term_19 + term_21 - term_23 + term_34*term_35
+        -beta_rate_dot_by_fork_forward*ratio_beta_rate_fork_forward
+        - coriolis_fork_forward_fork_forward*inertia_fork_forward_fork_forward_inverse
+    )
+    coriolis_fork_forward_fork_forward_by_beta_rate = term_8 + term_10 - term_11 + term_18*term_19
     force_beta_rate_by_beta_rate = (
-            -I_f*term_5 - K2_s
-            + coriolis_fork_forward_fork_forward_by_beta_rate*fork_forward*ratio_beta_rate_fork_forward
-        )
+        -I_f*term_1 - K2_s + coriolis_fork_forward_fork_forward_by_beta_rate*fork_forward*ratio_beta_rate_fork_forward
+    )
     beta_rate_dot_by_beta_rate = force_beta_rate_by_beta_rate*pivot_beta_rate_inverse
     fork_forward_dot_by_beta_rate = (
-            -beta_rate_dot_by_beta_rate*ratio_beta_rate_fork_forward
-            - coriolis_fork_forward_fork_forward_by_beta_rate*fork_forward*inertia_fork_forward_fork_forward_inverse
-        )
+        -beta_rate_dot_by_beta_rate*ratio_beta_rate_fork_forward
+        - coriolis_fork_forward_fork_forward_by_beta_rate*fork_forward*inertia_fork_forward_fork_forward_inverse
+    )
     out = _zeros((6, 6), x, u, w, p)
     out[0, 2] = -y_dot
-    out[0, 3] = x_dot_by_beta
-    out[0, 4] = term_3
-    out[1, 2] = x_dot
-    out[1, 3] = y_dot_by_beta
-    out[1, 4] = term_1
-    out[2, 3] = term_5
+    out[0, 3] = -cos_phi*fork_forward_times_sin_beta
+    out[0, 4] = cos_beta_times_cos_phi
+    out[1, 2] = fork_forward*cos_beta_times_cos_phi
+    out[1, 3] = -sin_phi*fork_forward_times_sin_beta
+    out[1, 4] = cos_beta_times_sin_phi
+    out[2, 3] = term_1
     out[2, 4] = fork_turning_fork_forward
     out[3, 5] = 1
     out[4, 3] = fork_forward_dot_by_beta
@@ -659,7 +545,7 @@ def state_jacobian(x, u, w, p):
 
 @_function(x=6, u=2, w=2, p=17)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (6,)
     u: motor voltages, (2,)
@@ -668,36 +554,24 @@ def input_jacobian(x, u, w, p):
     Returns: shape (2n-m, n_u) = (6, 2); 51 operations.
     """
     beta = x[3]
-    r = p[0]
-    r_r = p[1]
-    a = p[2]
-    b = p[3]
-    d = p[4]
-    m = p[6]
-    m_f = p[7]
-    m_r = p[8]
-    I = p[9]
-    I_f = p[10]
-    J_f = p[11]
-    J_r = p[12]
-    K1 = p[13]
-    K1_s = p[15]
+    r, r_r, a, b, d, m, m_f, m_r, I, I_f, J_f, J_r, K1, K1_s = (
+        p[0], p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[15]
+    )
     cos_beta = cos(beta)
-    sin_beta = sin(beta)
-    fork_turning_fork_forward = sin_beta/a
+    fork_turning_fork_forward = sin(beta)/a
     fork_turning_fork_forward_squared = fork_turning_fork_forward**2
     r_r_inverse = 1/r_r
-    term_3 = b*fork_turning_fork_forward
-    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_3)
-    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_3)
-    term_4 = 2*m_r
-    mass_body = m + term_4
-    inertia_body = I + b**2*term_4 + d**2*m
+    term_1 = b*fork_turning_fork_forward
+    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_1)
+    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_1)
+    term_2 = 2*m_r
+    mass_body = m + term_2
+    inertia_body = I + b**2*term_2 + d**2*m
     inertia_fork_forward_fork_forward = (
-            I_f*fork_turning_fork_forward_squared + J_f/r**2 + J_r*rear_left_rate_fork_forward**2
-            + J_r*rear_right_rate_fork_forward**2 + cos_beta**2*mass_body
-            + fork_turning_fork_forward_squared*inertia_body + m_f
-        )
+        I_f*fork_turning_fork_forward_squared + J_f/r**2 + J_r*rear_left_rate_fork_forward**2
+        + J_r*rear_right_rate_fork_forward**2 + cos_beta**2*mass_body + fork_turning_fork_forward_squared*inertia_body
+        + m_f
+    )
     inertia_fork_forward_fork_forward_inverse = 1/inertia_fork_forward_fork_forward
     ratio_beta_rate_fork_forward = I_f*fork_turning_fork_forward*inertia_fork_forward_fork_forward_inverse
     force_fork_forward_by_u_drive = K1/r
@@ -705,9 +579,9 @@ def input_jacobian(x, u, w, p):
     pivot_beta_rate_inverse = 1/pivot_beta_rate
     beta_rate_dot_by_u_drive = -force_fork_forward_by_u_drive*pivot_beta_rate_inverse*ratio_beta_rate_fork_forward
     fork_forward_dot_by_u_drive = (
-            -beta_rate_dot_by_u_drive*ratio_beta_rate_fork_forward
-            + force_fork_forward_by_u_drive*inertia_fork_forward_fork_forward_inverse
-        )
+        -beta_rate_dot_by_u_drive*ratio_beta_rate_fork_forward
+        + force_fork_forward_by_u_drive*inertia_fork_forward_fork_forward_inverse
+    )
     beta_rate_dot_by_u_steer = K1_s*pivot_beta_rate_inverse
     out = _zeros((6, 2), x, u, w, p)
     out[4, 0] = fork_forward_dot_by_u_drive
@@ -719,45 +593,32 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=17)
 def base_parameters(p):
-    """theta(p), inverse form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (17,)
     Returns: shape (n_theta,) = (6,); 38 operations.
     """
-    r = p[0]
-    r_r = p[1]
-    a = p[2]
-    b = p[3]
-    d = p[4]
-    m = p[6]
-    m_f = p[7]
-    m_r = p[8]
-    I = p[9]
-    I_f = p[10]
-    J_f = p[11]
-    J_r = p[12]
-    K1 = p[13]
-    K2 = p[14]
-    K1_s = p[15]
-    K2_s = p[16]
+    r, r_r, a, b, d, m, m_f, m_r, I, I_f, J_f, J_r, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse/r
+    term_1 = K1_inverse/r
     b_squared = b**2
     r_squared = r**2
-    term_5 = K1_inverse*r
-    term_6 = term_5*(J_f/r_squared + m_f)
-    term_7 = 2*J_r*r_squared/r_r**2
-    term_8 = 2*m_r
-    inertia_body = I + b_squared*term_8 + d**2*m
-    mass_body = m + term_8
+    r_over_K1 = K1_inverse*r
+    term_2 = r_over_K1*(J_f/r_squared + m_f)
+    term_3 = 2*J_r*r_squared/r_r**2
+    term_4 = 2*m_r
+    inertia_body = I + b_squared*term_4 + d**2*m
+    mass_body = m + term_4
     K1_s_inverse = 1/K1_s
-    out = _empty((6,), p)
-    out[0] = K2*term_2
-    out[1] = a**2*term_6 + term_2*(I_f*r_squared + b_squared*term_7 + inertia_body*r_squared)
-    out[2] = -term_2*(-mass_body*r_squared - term_7) + term_6
+    out = _zeros((6,), p)
+    out[0] = K2*term_1
+    out[1] = a**2*term_2 + term_1*(I_f*r_squared + b_squared*term_3 + inertia_body*r_squared)
+    out[2] = -term_1*(-mass_body*r_squared - term_3) + term_2
     out[3] = K1_s_inverse*K2_s
     out[4] = I_f*K1_s_inverse
-    out[5] = I_f*term_5
+    out[5] = I_f*r_over_K1
     return out
 
 
@@ -769,19 +630,11 @@ def output(q, c):
     c: known constants, (2,)
     Returns: shape (n-m,) = (2,); 14 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
-    beta = q[3]
-    a = c[0]
-    L = c[1]
-    cos_phi = cos(phi)
-    cos_beta_phi = cos(beta + phi)
-    sin_phi = sin(phi)
-    sin_beta_phi = sin(beta + phi)
-    out = _empty((2,), q, c)
-    out[0] = L*cos_beta_phi + a*cos_phi + x
-    out[1] = L*sin_beta_phi + a*sin_phi + y
+    x, y, phi, beta = q[0], q[1], q[2], q[3]
+    a, L = c[0], c[1]
+    out = _zeros((2,), q, c)
+    out[0] = L*cos(beta + phi) + a*cos(phi) + x
+    out[1] = L*sin(beta + phi) + a*sin(phi) + y
     return out
 
 
@@ -793,22 +646,15 @@ def output_jacobian(q, c):
     c: known constants, (2,)
     Returns: shape (n-m, n) = (2, 4); 14 operations.
     """
-    phi = q[2]
-    beta = q[3]
-    a = c[0]
-    L = c[1]
-    sin_phi = sin(phi)
-    sin_beta_phi = sin(beta + phi)
-    term_1 = L*sin_beta_phi
-    cos_phi = cos(phi)
-    cos_beta_phi = cos(beta + phi)
-    term_2 = L*cos_beta_phi
+    phi, beta = q[2], q[3]
+    a, L = c[0], c[1]
+    term_1 = L*sin(beta + phi)
+    term_2 = L*cos(beta + phi)
     out = _zeros((2, 4), q, c)
-    out[0, 0] = 1
-    out[0, 2] = -a*sin_phi - term_1
+    out[0, 0] = out[1, 1] = 1
+    out[0, 2] = -a*sin(phi) - term_1
     out[0, 3] = -term_1
-    out[1, 1] = 1
-    out[1, 2] = a*cos_phi + term_2
+    out[1, 2] = a*cos(phi) + term_2
     out[1, 3] = term_2
     return out
 
@@ -819,27 +665,19 @@ def output_rate(x, c):
 
     x: state [q; v], (6,)
     c: known constants, (2,)
-    Returns: shape (n-m,) = (2,); 29 operations.
+    Returns: shape (n-m,) = (2,); 28 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    fork_forward = x[4]
-    beta_rate = x[5]
-    a = c[0]
-    L = c[1]
+    phi, beta, fork_forward, beta_rate = x[2], x[3], x[4], x[5]
+    a, L = c[0], c[1]
     sin_phi = sin(phi)
     cos_beta = cos(beta)
     cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    term_1 = L*sin_beta_phi
-    sin_beta = sin(beta)
-    fork_turning_fork_forward = sin_beta/a
-    y1_dot_fork_forward = cos_beta*cos_phi + fork_turning_fork_forward*(-a*sin_phi - term_1)
-    y1_dot_beta_rate = -term_1
-    cos_beta_phi = cos(beta + phi)
-    y2_dot_beta_rate = L*cos_beta_phi
+    y1_dot_beta_rate = -L*sin(beta + phi)
+    fork_turning_fork_forward = sin(beta)/a
+    y1_dot_fork_forward = cos_beta*cos_phi + fork_turning_fork_forward*(-a*sin_phi + y1_dot_beta_rate)
+    y2_dot_beta_rate = L*cos(beta + phi)
     y2_dot_fork_forward = cos_beta*sin_phi + fork_turning_fork_forward*(a*cos_phi + y2_dot_beta_rate)
-    out = _empty((2,), x, c)
+    out = _zeros((2,), x, c)
     out[0] = beta_rate*y1_dot_beta_rate + fork_forward*y1_dot_fork_forward
     out[1] = beta_rate*y2_dot_beta_rate + fork_forward*y2_dot_fork_forward
     return out
@@ -847,44 +685,38 @@ def output_rate(x, c):
 
 @_function(x=6, c=2)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (6,)
     c: known constants, (2,)
     Returns: shape (n-m,) = (2,); 59 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    fork_forward = x[4]
-    beta_rate = x[5]
-    a = c[0]
-    L = c[1]
+    phi, beta, fork_forward, beta_rate = x[2], x[3], x[4], x[5]
+    a, L = c[0], c[1]
     sin_beta = sin(beta)
     sin_phi = sin(phi)
     cos_beta = cos(beta)
     cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    term_1 = L*sin_beta_phi
+    term_1 = L*sin(beta + phi)
     term_2 = -a*sin_phi - term_1
-    cos_beta_phi = cos(beta + phi)
-    term_3 = L*cos_beta_phi
+    term_3 = L*cos(beta + phi)
     a_inverse = 1/a
     fork_turning_fork_forward = a_inverse*sin_beta
-    term_5 = fork_turning_fork_forward*term_3
-    term_6 = a*cos_phi + term_3
-    term_7 = fork_forward*fork_turning_fork_forward
+    term_4 = fork_turning_fork_forward*term_3
+    term_5 = a*cos_phi + term_3
+    term_6 = fork_forward*fork_turning_fork_forward
     fork_turning_fork_forward_dot = a_inverse*beta_rate*cos_beta
     y1_dot_fork_forward_dot = (
-            beta_rate*(-cos_phi*sin_beta - term_5) + fork_turning_fork_forward_dot*term_2
-            + term_7*(-cos_beta*sin_phi - fork_turning_fork_forward*term_6)
-        )
-    y1_dot_beta_rate_dot = -beta_rate*term_3 - fork_forward*term_5
+        beta_rate*(-cos_phi*sin_beta - term_4) + fork_turning_fork_forward_dot*term_2
+        + term_6*(-cos_beta*sin_phi - fork_turning_fork_forward*term_5)
+    )
+    y1_dot_beta_rate_dot = -beta_rate*term_3 - fork_forward*term_4
     y2_dot_fork_forward_dot = (
-            beta_rate*(-fork_turning_fork_forward*term_1 - sin_beta*sin_phi) + fork_turning_fork_forward_dot*term_6
-            + term_7*(cos_beta*cos_phi + fork_turning_fork_forward*term_2)
-        )
-    y2_dot_beta_rate_dot = -beta_rate*term_1 - term_1*term_7
-    out = _empty((2,), x, c)
+        beta_rate*(-fork_turning_fork_forward*term_1 - sin_beta*sin_phi) + fork_turning_fork_forward_dot*term_5
+        + term_6*(cos_beta*cos_phi + fork_turning_fork_forward*term_2)
+    )
+    y2_dot_beta_rate_dot = -beta_rate*term_1 - term_1*term_6
+    out = _zeros((2,), x, c)
     out[0] = beta_rate*y1_dot_beta_rate_dot + fork_forward*y1_dot_fork_forward_dot
     out[1] = beta_rate*y2_dot_beta_rate_dot + fork_forward*y2_dot_fork_forward_dot
     return out
@@ -892,25 +724,16 @@ def lie_f2_h(x, c):
 
 @_function(x=6, theta=6, c=2)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (6,)
     theta: base parameters, (6,)
     c: known constants, (2,)
-    Returns: shape (n-m,) = (2,); 63 operations.
+    Returns: shape (n-m,) = (2,); 62 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    fork_forward = x[4]
-    beta_rate = x[5]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    a = c[0]
-    L = c[1]
+    phi, beta, fork_forward, beta_rate = x[2], x[3], x[4], x[5]
+    theta1, theta2, theta3, theta4, theta5, theta6 = theta[0], theta[1], theta[2], theta[3], theta[4], theta[5]
+    a, L = c[0], c[1]
     sin_beta = sin(beta)
     a_inverse = 1/a
     fork_turning_fork_forward = a_inverse*sin_beta
@@ -919,29 +742,27 @@ def lie_q_lie_f_h(x, theta, c):
     u_drive_per_fork_forward = cos_beta**2*theta3 + fork_turning_fork_forward_squared*theta2
     effort_determinant = -fork_turning_fork_forward_squared*theta5*theta6 + theta5*u_drive_per_fork_forward
     effort_determinant_inverse = 1/effort_determinant
-    term_4 = beta_rate*cos_beta
-    fork_turning_fork_forward_dot = a_inverse*term_4
-    term_5 = fork_forward*fork_turning_fork_forward_dot
-    u_steer_hold = beta_rate*theta4 + term_5*theta5
-    term_6 = effort_determinant_inverse*u_steer_hold
+    beta_rate_times_cos_beta = beta_rate*cos_beta
+    fork_turning_fork_forward_dot = a_inverse*beta_rate_times_cos_beta
+    term_1 = fork_forward*fork_turning_fork_forward_dot
+    u_steer_hold = beta_rate*theta4 + term_1*theta5
+    term_2 = effort_determinant_inverse*u_steer_hold
     u_drive_hold = (
-            -fork_forward*sin_beta*term_4*theta3 + fork_forward*theta1 + fork_turning_fork_forward*term_5*theta2
-        )
-    term_7 = effort_determinant_inverse*theta5*u_drive_hold
-    term_8 = fork_turning_fork_forward*term_7 - term_6*u_drive_per_fork_forward
-    term_9 = fork_turning_fork_forward*term_6*theta6 - term_7
+        -fork_forward*sin_beta*beta_rate_times_cos_beta*theta3 + fork_forward*theta1
+        + fork_turning_fork_forward*term_1*theta2
+    )
+    term_3 = effort_determinant_inverse*theta5*u_drive_hold
+    term_4 = fork_turning_fork_forward*term_3 - term_2*u_drive_per_fork_forward
+    term_5 = fork_turning_fork_forward*term_2*theta6 - term_3
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    term_10 = L*sin_beta_phi
-    y1_dot_fork_forward = cos_beta*cos_phi + fork_turning_fork_forward*(-a*sin_phi - term_10)
-    y1_dot_beta_rate = -term_10
-    cos_beta_phi = cos(beta + phi)
-    y2_dot_beta_rate = L*cos_beta_phi
+    y1_dot_beta_rate = -L*sin(beta + phi)
+    y1_dot_fork_forward = cos_beta*cos_phi + fork_turning_fork_forward*(-a*sin_phi + y1_dot_beta_rate)
+    y2_dot_beta_rate = L*cos(beta + phi)
     y2_dot_fork_forward = cos_beta*sin_phi + fork_turning_fork_forward*(a*cos_phi + y2_dot_beta_rate)
-    out = _empty((2,), x, theta, c)
-    out[0] = term_8*y1_dot_beta_rate + term_9*y1_dot_fork_forward
-    out[1] = term_8*y2_dot_beta_rate + term_9*y2_dot_fork_forward
+    out = _zeros((2,), x, theta, c)
+    out[0] = term_4*y1_dot_beta_rate + term_5*y1_dot_fork_forward
+    out[1] = term_4*y2_dot_beta_rate + term_5*y2_dot_fork_forward
     return out
 
 
@@ -952,39 +773,30 @@ def decoupling_matrix(x, theta, c):
     x: state [q; v], (6,)
     theta: base parameters, (6,)
     c: known constants, (2,)
-    Returns: shape (n-m, n_u) = (2, 2); 53 operations.
+    Returns: shape (n-m, n_u) = (2, 2); 52 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    a = c[0]
-    L = c[1]
-    sin_beta = sin(beta)
-    fork_turning_fork_forward = sin_beta/a
+    phi, beta = x[2], x[3]
+    theta2, theta3, theta5, theta6 = theta[1], theta[2], theta[4], theta[5]
+    a, L = c[0], c[1]
+    fork_turning_fork_forward = sin(beta)/a
     fork_turning_fork_forward_squared = fork_turning_fork_forward**2
     cos_beta = cos(beta)
     u_drive_per_fork_forward = cos_beta**2*theta3 + fork_turning_fork_forward_squared*theta2
     effort_determinant = -fork_turning_fork_forward_squared*theta5*theta6 + theta5*u_drive_per_fork_forward
     effort_determinant_inverse = 1/effort_determinant
-    term_3 = effort_determinant_inverse*fork_turning_fork_forward*theta5
+    term_1 = effort_determinant_inverse*fork_turning_fork_forward*theta5
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    term_4 = L*sin_beta_phi
-    y1_dot_fork_forward = cos_beta*cos_phi + fork_turning_fork_forward*(-a*sin_phi - term_4)
-    y1_dot_beta_rate = -term_4
-    term_5 = effort_determinant_inverse*fork_turning_fork_forward*theta6
-    cos_beta_phi = cos(beta + phi)
-    y2_dot_beta_rate = L*cos_beta_phi
+    y1_dot_beta_rate = -L*sin(beta + phi)
+    y1_dot_fork_forward = cos_beta*cos_phi + fork_turning_fork_forward*(-a*sin_phi + y1_dot_beta_rate)
+    term_2 = effort_determinant_inverse*fork_turning_fork_forward*theta6
+    y2_dot_beta_rate = L*cos(beta + phi)
     y2_dot_fork_forward = cos_beta*sin_phi + fork_turning_fork_forward*(a*cos_phi + y2_dot_beta_rate)
-    out = _empty((2, 2), x, theta, c)
-    out[0, 0] = effort_determinant_inverse*theta5*y1_dot_fork_forward - term_3*y1_dot_beta_rate
-    out[0, 1] = effort_determinant_inverse*u_drive_per_fork_forward*y1_dot_beta_rate - term_5*y1_dot_fork_forward
-    out[1, 0] = effort_determinant_inverse*theta5*y2_dot_fork_forward - term_3*y2_dot_beta_rate
-    out[1, 1] = effort_determinant_inverse*u_drive_per_fork_forward*y2_dot_beta_rate - term_5*y2_dot_fork_forward
+    out = _zeros((2, 2), x, theta, c)
+    out[0, 0] = effort_determinant_inverse*theta5*y1_dot_fork_forward - term_1*y1_dot_beta_rate
+    out[0, 1] = effort_determinant_inverse*u_drive_per_fork_forward*y1_dot_beta_rate - term_2*y1_dot_fork_forward
+    out[1, 0] = effort_determinant_inverse*theta5*y2_dot_fork_forward - term_1*y2_dot_beta_rate
+    out[1, 1] = effort_determinant_inverse*u_drive_per_fork_forward*y2_dot_beta_rate - term_2*y2_dot_fork_forward
     return out
 
 
@@ -997,26 +809,23 @@ def inverse_regressor(x, a, c):
     c: known constants, (2,)
     Returns: shape (n_u, n_pi) = (2, 6); 20 operations.
     """
-    beta = x[3]
-    fork_forward = x[4]
-    beta_rate = x[5]
-    a_fork_forward = a[0]
-    a_beta_rate = a[1]
+    beta, fork_forward, beta_rate = x[3], x[4], x[5]
+    a_fork_forward, a_beta_rate = a[0], a[1]
     a_ = c[0]
     a_inverse = 1/a_
     cos_beta = cos(beta)
-    term_2 = beta_rate*cos_beta
-    fork_turning_fork_forward_dot = a_inverse*term_2
-    term_3 = fork_forward*fork_turning_fork_forward_dot
+    beta_rate_times_cos_beta = beta_rate*cos_beta
+    fork_turning_fork_forward_dot = a_inverse*beta_rate_times_cos_beta
+    term_1 = fork_forward*fork_turning_fork_forward_dot
     sin_beta = sin(beta)
     fork_turning_fork_forward = a_inverse*sin_beta
     out = _zeros((2, 6), x, a, c)
     out[0, 0] = fork_forward
-    out[0, 1] = a_fork_forward*fork_turning_fork_forward**2 + fork_turning_fork_forward*term_3
-    out[0, 2] = a_fork_forward*cos_beta**2 - fork_forward*sin_beta*term_2
+    out[0, 1] = a_fork_forward*fork_turning_fork_forward**2 + fork_turning_fork_forward*term_1
+    out[0, 2] = a_fork_forward*cos_beta**2 - fork_forward*sin_beta*beta_rate_times_cos_beta
     out[0, 5] = a_beta_rate*fork_turning_fork_forward
     out[1, 3] = beta_rate
-    out[1, 4] = a_beta_rate + a_fork_forward*fork_turning_fork_forward + term_3
+    out[1, 4] = a_beta_rate + a_fork_forward*fork_turning_fork_forward + term_1
     return out
 
 
@@ -1027,38 +836,25 @@ def inverse_base_parameters(p):
     p: physical parameters, (17,)
     Returns: shape (n_pi,) = (6,); 38 operations.
     """
-    r = p[0]
-    r_r = p[1]
-    a = p[2]
-    b = p[3]
-    d = p[4]
-    m = p[6]
-    m_f = p[7]
-    m_r = p[8]
-    I = p[9]
-    I_f = p[10]
-    J_f = p[11]
-    J_r = p[12]
-    K1 = p[13]
-    K2 = p[14]
-    K1_s = p[15]
-    K2_s = p[16]
+    r, r_r, a, b, d, m, m_f, m_r, I, I_f, J_f, J_r, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse/r
+    term_1 = K1_inverse/r
     b_squared = b**2
     r_squared = r**2
-    term_5 = K1_inverse*r
-    term_6 = term_5*(J_f/r_squared + m_f)
-    term_7 = 2*J_r*r_squared/r_r**2
-    term_8 = 2*m_r
-    inertia_body = I + b_squared*term_8 + d**2*m
-    mass_body = m + term_8
+    r_over_K1 = K1_inverse*r
+    term_2 = r_over_K1*(J_f/r_squared + m_f)
+    term_3 = 2*J_r*r_squared/r_r**2
+    term_4 = 2*m_r
+    inertia_body = I + b_squared*term_4 + d**2*m
+    mass_body = m + term_4
     K1_s_inverse = 1/K1_s
-    out = _empty((6,), p)
-    out[0] = K2*term_2
-    out[1] = a**2*term_6 + term_2*(I_f*r_squared + b_squared*term_7 + inertia_body*r_squared)
-    out[2] = -term_2*(-mass_body*r_squared - term_7) + term_6
+    out = _zeros((6,), p)
+    out[0] = K2*term_1
+    out[1] = a**2*term_2 + term_1*(I_f*r_squared + b_squared*term_3 + inertia_body*r_squared)
+    out[2] = -term_1*(-mass_body*r_squared - term_3) + term_2
     out[3] = K1_s_inverse*K2_s
     out[4] = I_f*K1_s_inverse
-    out[5] = I_f*term_5
+    out[5] = I_f*r_over_K1
     return out

@@ -39,16 +39,8 @@ STATE = {
     "beta1_rate": "rad/s",
     "beta2_rate": "rad/s",
 }
-INPUTS = {
-    "u_drive": "V",
-    "u_front": "V",
-    "u_rear": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-    "y3": "rad",
-}
+INPUTS = {"u_drive": "V", "u_front": "V", "u_rear": "V"}
+OUTPUTS = {"y1": "m", "y2": "m", "y3": "rad"}
 PARAMETERS = {
     "r": "m",
     "a": "m",
@@ -79,10 +71,7 @@ DEFAULTS = {
     "K1_s": 1.5,
     "K2_s": 1.0,
 }
-KNOWN = {
-    "a": "m",
-    "L": "m",
-}
+KNOWN = {"a": "m", "L": "m"}
 BASE_PARAMETERS = {
     "theta1": "V s/m",
     "theta2": "V s^2/m",
@@ -125,15 +114,17 @@ _BLOCK = 2048  # states evaluated together: their terms stay in the processor's 
 
 
 def _function(**sizes):
-    """The function below, for arguments of shape (..., size) for each of `sizes`; large batches block by block."""
-    expected = list(sizes.items())
+    """The function below for real arguments of shape (..., size), large batches block by block."""
 
     def decorate(term):
         @functools.wraps(term)
         def evaluate(*arguments, **named):
-            if named or len(arguments) != len(expected):
-                arguments = _in_order(term.__name__, sizes, arguments, named)
-            arrays = [_vector(value, name, size) for value, (name, size) in zip(arguments, expected, strict=True)]
+            if named or len(arguments) != len(sizes):
+                given = dict(zip(sizes, arguments, strict=False)) | named
+                if given.keys() != sizes.keys() or len(arguments) + len(named) != len(sizes):
+                    raise TypeError(f"{term.__name__}() takes the arguments {', '.join(sizes)}")
+                arguments = [given[name] for name in sizes]
+            arrays = list(map(_vector, arguments, sizes, sizes.values()))
             batches = {array.shape[:-1] for array in arrays if array.ndim > 1}
             if not batches:
                 return term(*arrays)
@@ -142,33 +133,13 @@ def _function(**sizes):
                 arrays = [a if a.ndim == 1 else np.broadcast_to(a, (*min(batches), a.shape[-1])) for a in arrays]
             batch = batches.pop()
             count = math.prod(batch)
-            rows = [array if array.ndim < 3 else array.reshape(count, array.shape[-1]) for array in arrays]
-            return _in_blocks(term, rows, count, batch)
+            columns = [a.T if a.ndim < 3 else a.reshape(count, a.shape[-1]).T for a in arrays]
+            out = _in_blocks(term, columns, count)
+            return out if len(batch) == 1 else out.reshape(*batch, *out.shape[1:])
 
         return evaluate
 
     return decorate
-
-
-def _in_blocks(term, rows, count, batch):
-    """The term for vectors (size,) and batches (count, size), with the shape `batch` in front."""
-    if count <= _BLOCK:
-        out = _batches_in_front(term(*[row.T for row in rows]))
-    else:
-        out = None
-        for part in (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK)):
-            value = _batches_in_front(term(*[row if row.ndim == 1 else row[part].T for row in rows]))
-            out = np.empty((count, *value.shape[1:])) if out is None else out
-            out[part] = value
-    return out if len(batch) == 1 else out.reshape(*batch, *out.shape[1:])
-
-
-def _in_order(term, sizes, arguments, named):
-    """Positional and named arguments in the order of `sizes`."""
-    given = dict(zip(sizes, arguments, strict=False)) | named
-    if given.keys() != sizes.keys() or len(arguments) + len(named) != len(sizes):
-        raise TypeError(f"{term}() takes the arguments {', '.join(sizes)}")
-    return [given[name] for name in sizes]
 
 
 def _vector(value, name, size):
@@ -176,10 +147,21 @@ def _vector(value, name, size):
     value = np.asarray(value)
     if value.dtype.kind not in "fiub":
         raise ValueError(f"{name} is not an array of real numbers")
-    value = value.astype(float, copy=False)
     if value.shape[-1:] != (size,):
         raise ValueError(f"{name} has shape {value.shape}; expected (..., {size})")
-    return value
+    return value.astype(float, copy=False)
+
+
+def _in_blocks(term, columns, count):
+    """The term's values (states, ...) for vectors (size,) and batches (size, states)."""
+    if count <= _BLOCK:
+        return _batches_in_front(term(*columns))
+    out = None
+    for part in (slice(start, start + _BLOCK) for start in range(0, count, _BLOCK)):
+        value = _batches_in_front(term(*[column if column.ndim == 1 else column[:, part] for column in columns]))
+        out = np.empty((count, *value.shape[1:])) if out is None else out
+        out[part] = value
+    return out
 
 
 def _batches_in_front(value):
@@ -187,22 +169,9 @@ def _batches_in_front(value):
     return value.T if value.ndim == 2 else value.transpose(2, 0, 1)
 
 
-def _states(arguments):
-    """How many states the arguments (size, states) hold, as a shape; () for single vectors."""
-    for argument in arguments:
-        if argument.ndim > 1:
-            return argument.shape[1:]
-    return ()
-
-
-def _empty(shape, *arguments):
-    """Room for entries of `shape`, each for all states of the arguments."""
-    return np.empty(shape + _states(arguments))
-
-
 def _zeros(shape, *arguments):
-    """The same, zero."""
-    return np.zeros(shape + _states(arguments))
+    """Zeros of `shape`, each for all states of the arguments."""
+    return np.zeros(shape + next((argument.shape[1:] for argument in arguments if argument.ndim > 1), ()))
 
 
 @_function(q=5, p=13)
@@ -213,55 +182,38 @@ def constraint_matrix(q, p):
     p: physical parameters, (13,)
     Returns: shape (m, n) = (2, 5); 15 operations.
     """
-    phi = q[2]
-    beta1 = q[3]
-    beta2 = q[4]
+    phi, beta1, beta2 = q[2], q[3], q[4]
     a = p[1]
-    sin_beta1_phi = sin(beta1 + phi)
-    cos_beta1_phi = cos(beta1 + phi)
-    cos_beta1 = cos(beta1)
-    sin_beta2_phi = sin(beta2 + phi)
-    cos_beta2_phi = cos(beta2 + phi)
-    cos_beta2 = cos(beta2)
     out = _zeros((2, 5), q, p)
-    out[0, 0] = -sin_beta1_phi
-    out[0, 1] = cos_beta1_phi
-    out[0, 2] = a*cos_beta1
-    out[1, 0] = -sin_beta2_phi
-    out[1, 1] = cos_beta2_phi
-    out[1, 2] = -a*cos_beta2
+    out[0, 0] = -sin(beta1 + phi)
+    out[0, 1] = cos(beta1 + phi)
+    out[0, 2] = a*cos(beta1)
+    out[1, 0] = -sin(beta2 + phi)
+    out[1, 1] = cos(beta2 + phi)
+    out[1, 2] = -a*cos(beta2)
     return out
 
 
 @_function(q=5, p=13)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (5,)
     p: physical parameters, (13,)
     Returns: shape (n, n-m) = (5, 3); 19 operations.
     """
-    phi = q[2]
-    beta1 = q[3]
-    beta2 = q[4]
+    phi, beta1, beta2 = q[2], q[3], q[4]
     a = p[1]
     sin_phi = sin(phi)
     cos_beta1 = cos(beta1)
     cos_phi = cos(phi)
-    sin_beta1_beta2 = sin(beta1 + beta2)
-    cos_beta2 = cos(beta2)
-    term_1 = 1/(2*cos_beta2)
-    platform_lateral_front_forward = sin_beta1_beta2*term_1
-    x_dot_front_forward = cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi
-    y_dot_front_forward = cos_beta1*sin_phi + cos_phi*platform_lateral_front_forward
-    sin_beta1_minus_beta2 = sin(beta1 - beta2)
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_1/a
+    term_1 = 1/(2*cos(beta2))
+    platform_lateral_front_forward = sin(beta1 + beta2)*term_1
     out = _zeros((5, 3), q, p)
-    out[0, 0] = x_dot_front_forward
-    out[1, 0] = y_dot_front_forward
-    out[2, 0] = rear_turning_front_forward
-    out[3, 1] = 1
-    out[4, 2] = 1
+    out[0, 0] = cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi
+    out[1, 0] = cos_beta1*sin_phi + cos_phi*platform_lateral_front_forward
+    out[2, 0] = sin(beta1 - beta2)*term_1/a
+    out[3, 1] = out[4, 2] = 1
     return out
 
 
@@ -271,13 +223,12 @@ def actuator_rates_matrix(q, p):
 
     q: generalized coordinates, (5,)
     p: physical parameters, (13,)
-    Returns: shape (n_u, n-m) = (3, 3); 1 operations.
+    Returns: shape (n_u, n-m) = (3, 3); 1 operation.
     """
     r = p[0]
     out = _zeros((3, 3), q, p)
     out[0, 0] = 1/r
-    out[1, 1] = 1
-    out[2, 2] = 1
+    out[1, 1] = out[2, 2] = 1
     return out
 
 
@@ -289,45 +240,30 @@ def inertia_matrix(q, p):
     p: physical parameters, (13,)
     Returns: shape (n-m, n-m) = (3, 3); 50 operations.
     """
-    beta1 = q[3]
-    beta2 = q[4]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
+    beta1, beta2 = q[3], q[4]
+    r, a, d, m, m_w, I, I_w, J = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8]
     cos_beta1 = cos(beta1)
-    sin_beta1_beta2 = sin(beta1 + beta2)
     cos_beta2 = cos(beta2)
     term_1 = 1/(2*cos_beta2)
-    platform_lateral_front_forward = sin_beta1_beta2*term_1
+    platform_lateral_front_forward = sin(beta1 + beta2)*term_1
     term_2 = m*platform_lateral_front_forward
-    sin_beta1_minus_beta2 = sin(beta1 - beta2)
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_1/a
+    rear_turning_front_forward = sin(beta1 - beta2)*term_1/a
     sin_beta2 = sin(beta2)
     rear_forward_front_forward = (
-            -a*rear_turning_front_forward*sin_beta2 + cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2
-        )
+        -a*rear_turning_front_forward*sin_beta2 + cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2
+    )
     rear_wheel_rate_front_forward = rear_forward_front_forward/r
     inertia_platform = I + d**2*m
     inertia_front_forward_front_forward = (
-            2*I_w*rear_turning_front_forward**2 + J*rear_wheel_rate_front_forward**2 + J/r**2 + cos_beta1**2*m
-            + m_w*rear_forward_front_forward**2 + m_w
-            + platform_lateral_front_forward*(d*m*rear_turning_front_forward + term_2)
-            + rear_turning_front_forward*(d*term_2 + inertia_platform*rear_turning_front_forward)
-        )
-    term_3 = I_w*rear_turning_front_forward
+        2*I_w*rear_turning_front_forward**2 + J*rear_wheel_rate_front_forward**2 + J/r**2 + cos_beta1**2*m
+        + m_w*rear_forward_front_forward**2 + m_w
+        + platform_lateral_front_forward*(d*m*rear_turning_front_forward + term_2)
+        + rear_turning_front_forward*(d*term_2 + inertia_platform*rear_turning_front_forward)
+    )
     out = _zeros((3, 3), q, p)
     out[0, 0] = inertia_front_forward_front_forward
-    out[0, 1] = term_3
-    out[0, 2] = term_3
-    out[1, 0] = term_3
-    out[1, 1] = I_w
-    out[2, 0] = term_3
-    out[2, 2] = I_w
+    out[0, 1] = out[0, 2] = out[1, 0] = out[2, 0] = I_w*rear_turning_front_forward
+    out[1, 1] = out[2, 2] = I_w
     return out
 
 
@@ -339,72 +275,55 @@ def coriolis_matrix(x, p):
     p: physical parameters, (13,)
     Returns: shape (n-m, n-m) = (3, 3); 96 operations.
     """
-    beta1 = x[3]
-    beta2 = x[4]
-    beta1_rate = x[6]
-    beta2_rate = x[7]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K2 = p[10]
-    K2_s = p[12]
+    beta1, beta2, beta1_rate, beta2_rate = x[3], x[4], x[6], x[7]
+    r, a, d, m, m_w, I, I_w, J, K2, K2_s = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[10], p[12]
     cos_beta1 = cos(beta1)
-    sin_beta1 = sin(beta1)
-    term_1 = beta1_rate*sin_beta1
+    term_1 = beta1_rate*sin(beta1)
     r_squared = r**2
     sin_beta1_minus_beta2 = sin(beta1 - beta2)
     cos_beta2 = cos(beta2)
-    term_3 = 1/(2*cos_beta2)
+    term_2 = 1/(2*cos_beta2)
     a_inverse = 1/a
-    term_5 = a_inverse*term_3
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_5
-    term_6 = r_squared*rear_turning_front_forward
+    term_3 = a_inverse*term_2
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_3
+    term_4 = r_squared*rear_turning_front_forward
     sin_beta2 = sin(beta2)
     sin_beta1_beta2 = sin(beta1 + beta2)
-    cos_beta1_beta2 = cos(beta1 + beta2)
-    term_7 = cos_beta1_beta2*term_3
-    term_8 = 1/(cos_beta2**2)
+    term_5 = cos(beta1 + beta2)*term_2
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
     platform_lateral_front_forward_dot = (
-            beta1_rate*term_7 + beta2_rate*(sin_beta1_beta2*sin_beta2*term_8/2 + term_7)
-        )
-    term_9 = m*platform_lateral_front_forward_dot
-    platform_lateral_front_forward = sin_beta1_beta2*term_3
-    term_10 = platform_lateral_front_forward*r_squared
-    cos_beta1_minus_beta2 = cos(beta1 - beta2)
-    term_11 = cos_beta1_minus_beta2*term_5
+        beta1_rate*term_5 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_5)
+    )
+    term_6 = m*platform_lateral_front_forward_dot
+    platform_lateral_front_forward = sin_beta1_beta2*term_2
+    term_7 = platform_lateral_front_forward*r_squared
+    term_8 = cos(beta1 - beta2)*term_3
     rear_turning_front_forward_dot = (
-            beta1_rate*term_11 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*term_8/2 - term_11)
-        )
-    term_12 = I_w*rear_turning_front_forward_dot
-    term_13 = a*rear_turning_front_forward
-    rear_forward_front_forward = cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2 - sin_beta2*term_13
+        beta1_rate*term_8 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_8)
+    )
+    term_9 = I_w*rear_turning_front_forward_dot
+    term_10 = a*rear_turning_front_forward
+    rear_forward_front_forward = cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2 - sin_beta2*term_10
     r_inverse = 1/r
     rear_wheel_rate_front_forward = r_inverse*rear_forward_front_forward
     inertia_platform = I + d**2*m
     rear_forward_front_forward_dot = (
-            -a*rear_turning_front_forward_dot*sin_beta2
-            + beta2_rate*(-cos_beta1*sin_beta2 + cos_beta2*platform_lateral_front_forward - cos_beta2*term_13)
-            - cos_beta2*term_1 + platform_lateral_front_forward_dot*sin_beta2
-        )
+        -a*rear_turning_front_forward_dot*sin_beta2
+        + beta2_rate*(-cos_beta1*sin_beta2 + cos_beta2*platform_lateral_front_forward - cos_beta2*term_10)
+        - cos_beta2*term_1 + platform_lateral_front_forward_dot*sin_beta2
+    )
     rear_wheel_rate_front_forward_dot = r_inverse*rear_forward_front_forward_dot
     coriolis_front_forward_front_forward = (
-            (J*r_squared*rear_wheel_rate_front_forward*rear_wheel_rate_front_forward_dot + K2
-            - cos_beta1*m*r_squared*term_1 + d*m*rear_turning_front_forward_dot*term_10 + d*term_6*term_9
-            + inertia_platform*rear_turning_front_forward_dot*term_6
-            + m_w*r_squared*rear_forward_front_forward*rear_forward_front_forward_dot + term_10*term_9
-            + 2*term_12*term_6)/r_squared
-        )
+        (J*r_squared*rear_wheel_rate_front_forward*rear_wheel_rate_front_forward_dot + K2 - cos_beta1*m*r_squared*term_1
+        + d*m*rear_turning_front_forward_dot*term_7 + d*term_4*term_6
+        + inertia_platform*rear_turning_front_forward_dot*term_4
+        + m_w*r_squared*rear_forward_front_forward*rear_forward_front_forward_dot + term_7*term_6
+        + 2*term_9*term_4)/r_squared
+    )
     out = _zeros((3, 3), x, p)
     out[0, 0] = coriolis_front_forward_front_forward
-    out[1, 0] = term_12
-    out[1, 1] = K2_s
-    out[2, 0] = term_12
-    out[2, 2] = K2_s
+    out[1, 0] = out[2, 0] = term_9
+    out[1, 1] = out[2, 2] = K2_s
     return out
 
 
@@ -414,15 +333,12 @@ def input_matrix(q, p):
 
     q: generalized coordinates, (5,)
     p: physical parameters, (13,)
-    Returns: shape (n-m, n_u) = (3, 3); 1 operations.
+    Returns: shape (n-m, n_u) = (3, 3); 1 operation.
     """
-    r = p[0]
-    K1 = p[9]
-    K1_s = p[11]
+    r, K1, K1_s = p[0], p[9], p[11]
     out = _zeros((3, 3), q, p)
     out[0, 0] = K1/r
-    out[1, 1] = K1_s
-    out[2, 2] = K1_s
+    out[1, 1] = out[2, 2] = K1_s
     return out
 
 
@@ -436,30 +352,12 @@ def state_derivative(x, u, w, p):
     p: physical parameters, (13,)
     Returns: shape (2n-m,) = (8,); 171 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    front_forward = x[5]
-    beta1_rate = x[6]
-    beta2_rate = x[7]
-    u_drive = u[0]
-    u_front = u[1]
-    u_rear = u[2]
-    w_front_forward = w[0]
-    w_beta1_rate = w[1]
-    w_beta2_rate = w[2]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K2 = p[10]
-    K1_s = p[11]
-    K2_s = p[12]
+    phi, beta1, beta2, front_forward, beta1_rate, beta2_rate = x[2], x[3], x[4], x[5], x[6], x[7]
+    u_drive, u_front, u_rear = u[0], u[1], u[2]
+    w_front_forward, w_beta1_rate, w_beta2_rate = w[0], w[1], w[2]
+    r, a, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12]
+    )
     sin_phi = sin(phi)
     cos_beta1 = cos(beta1)
     cos_phi = cos(phi)
@@ -471,75 +369,70 @@ def state_derivative(x, u, w, p):
     y_dot_front_forward = cos_beta1*sin_phi + cos_phi*platform_lateral_front_forward
     sin_beta1_minus_beta2 = sin(beta1 - beta2)
     a_inverse = 1/a
-    term_3 = a_inverse*term_1
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_3
+    term_2 = a_inverse*term_1
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_2
     r_squared = r**2
-    term_5 = 1/r_squared
-    term_6 = 2*I_w
-    term_7 = m*platform_lateral_front_forward
-    term_8 = d*m*rear_turning_front_forward
+    r_squared_inverse = 1/r_squared
+    term_3 = 2*I_w
+    term_4 = m*platform_lateral_front_forward
+    term_5 = d*m*rear_turning_front_forward
     inertia_platform = I + d**2*m
-    term_9 = inertia_platform*rear_turning_front_forward
-    term_10 = d*term_7
+    term_6 = inertia_platform*rear_turning_front_forward
+    term_7 = d*term_4
     sin_beta2 = sin(beta2)
-    term_11 = a*rear_turning_front_forward
-    rear_forward_front_forward = cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2 - sin_beta2*term_11
+    term_8 = a*rear_turning_front_forward
+    rear_forward_front_forward = cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2 - sin_beta2*term_8
     r_inverse = 1/r
     rear_wheel_rate_front_forward = r_inverse*rear_forward_front_forward
     inertia_front_forward_front_forward = (
-            J*rear_wheel_rate_front_forward**2 + J*term_5 + cos_beta1**2*m + m_w*rear_forward_front_forward**2 + m_w
-            + platform_lateral_front_forward*(term_7 + term_8) + rear_turning_front_forward**2*term_6
-            + rear_turning_front_forward*(term_10 + term_9)
-        )
+        J*rear_wheel_rate_front_forward**2 + J*r_squared_inverse + cos_beta1**2*m + m_w*rear_forward_front_forward**2
+        + m_w + platform_lateral_front_forward*(term_4 + term_5) + rear_turning_front_forward**2*term_3
+        + rear_turning_front_forward*(term_7 + term_6)
+    )
     inertia_front_forward_front_forward_inverse = 1/inertia_front_forward_front_forward
     ratio_beta1_rate_front_forward = I_w*inertia_front_forward_front_forward_inverse*rear_turning_front_forward
-    sin_beta1 = sin(beta1)
-    term_14 = beta1_rate*sin_beta1
-    term_15 = 1/(cos_beta2**2)
-    cos_beta1_minus_beta2 = cos(beta1 - beta2)
-    term_16 = cos_beta1_minus_beta2*term_3
+    term_9 = beta1_rate*sin(beta1)
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
+    term_10 = cos(beta1 - beta2)*term_2
     rear_turning_front_forward_dot = (
-            beta1_rate*term_16 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*term_15/2 - term_16)
-        )
-    term_17 = r_squared*rear_turning_front_forward_dot
-    cos_beta1_beta2 = cos(beta1 + beta2)
-    term_18 = cos_beta1_beta2*term_1
+        beta1_rate*term_10
+        + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_10)
+    )
+    term_11 = r_squared*rear_turning_front_forward_dot
+    term_12 = cos(beta1 + beta2)*term_1
     platform_lateral_front_forward_dot = (
-            beta1_rate*term_18 + beta2_rate*(sin_beta1_beta2*sin_beta2*term_15/2 + term_18)
-        )
-    term_19 = platform_lateral_front_forward_dot*r_squared
+        beta1_rate*term_12 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_12)
+    )
+    term_13 = platform_lateral_front_forward_dot*r_squared
     rear_forward_front_forward_dot = (
-            -a*rear_turning_front_forward_dot*sin_beta2
-            + beta2_rate*(-cos_beta1*sin_beta2 + cos_beta2*platform_lateral_front_forward - cos_beta2*term_11)
-            - cos_beta2*term_14 + platform_lateral_front_forward_dot*sin_beta2
-        )
+        -a*rear_turning_front_forward_dot*sin_beta2
+        + beta2_rate*(-cos_beta1*sin_beta2 + cos_beta2*platform_lateral_front_forward - cos_beta2*term_8)
+        - cos_beta2*term_9 + platform_lateral_front_forward_dot*sin_beta2
+    )
     rear_wheel_rate_front_forward_dot = r_inverse*rear_forward_front_forward_dot
     coriolis_front_forward_front_forward = (
-            term_5*(J*r_squared*rear_wheel_rate_front_forward*rear_wheel_rate_front_forward_dot + K2
-            - cos_beta1*m*r_squared*term_14 + m_w*r_squared*rear_forward_front_forward*rear_forward_front_forward_dot
-            + rear_turning_front_forward*term_17*term_6 + term_10*term_17 + term_17*term_9 + term_19*term_7
-            + term_19*term_8)
-        )
-    force_front_forward = (
-            K1*r_inverse*u_drive - coriolis_front_forward_front_forward*front_forward - w_front_forward
-        )
-    term_20 = inertia_front_forward_front_forward*ratio_beta1_rate_front_forward**2
-    pivot_beta1_rate = I_w - term_20
+        r_squared_inverse*(J*r_squared*rear_wheel_rate_front_forward*rear_wheel_rate_front_forward_dot + K2
+        - cos_beta1*m*r_squared*term_9 + m_w*r_squared*rear_forward_front_forward*rear_forward_front_forward_dot
+        + rear_turning_front_forward*term_11*term_3 + term_7*term_11 + term_11*term_6 + term_13*term_4 + term_13*term_5)
+    )
+    force_front_forward = K1*r_inverse*u_drive - coriolis_front_forward_front_forward*front_forward - w_front_forward
+    term_14 = inertia_front_forward_front_forward*ratio_beta1_rate_front_forward**2
+    pivot_beta1_rate = I_w - term_14
     pivot_beta1_rate_inverse = 1/pivot_beta1_rate
-    ratio_beta2_rate_beta1_rate = -pivot_beta1_rate_inverse*term_20
-    pivot_beta2_rate = I_w - pivot_beta1_rate*ratio_beta2_rate_beta1_rate**2 - term_20
-    term_22 = I_w*front_forward*rear_turning_front_forward_dot + force_front_forward*ratio_beta1_rate_front_forward
-    force_beta1_rate = K1_s*u_front - K2_s*beta1_rate - term_22 - w_beta1_rate
+    ratio_beta2_rate_beta1_rate = -pivot_beta1_rate_inverse*term_14
+    pivot_beta2_rate = I_w - pivot_beta1_rate*ratio_beta2_rate_beta1_rate**2 - term_14
+    term_15 = I_w*front_forward*rear_turning_front_forward_dot + force_front_forward*ratio_beta1_rate_front_forward
+    force_beta1_rate = K1_s*u_front - K2_s*beta1_rate - term_15 - w_beta1_rate
     force_beta2_rate = (
-            K1_s*u_rear - K2_s*beta2_rate - force_beta1_rate*ratio_beta2_rate_beta1_rate - term_22 - w_beta2_rate
-        )
+        K1_s*u_rear - K2_s*beta2_rate - force_beta1_rate*ratio_beta2_rate_beta1_rate - term_15 - w_beta2_rate
+    )
     beta2_rate_dot = force_beta2_rate/pivot_beta2_rate
     beta1_rate_dot = -beta2_rate_dot*ratio_beta2_rate_beta1_rate + force_beta1_rate*pivot_beta1_rate_inverse
     front_forward_dot = (
-            -beta1_rate_dot*ratio_beta1_rate_front_forward - beta2_rate_dot*ratio_beta1_rate_front_forward
-            + force_front_forward*inertia_front_forward_front_forward_inverse
-        )
-    out = _empty((8,), x, u, w, p)
+        -beta1_rate_dot*ratio_beta1_rate_front_forward - beta2_rate_dot*ratio_beta1_rate_front_forward
+        + force_front_forward*inertia_front_forward_front_forward_inverse
+    )
+    out = _zeros((8,), x, u, w, p)
     out[0] = front_forward*x_dot_front_forward
     out[1] = front_forward*y_dot_front_forward
     out[2] = front_forward*rear_turning_front_forward
@@ -553,7 +446,7 @@ def state_derivative(x, u, w, p):
 
 @_function(x=8, u=3, w=3, p=13)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (8,)
     u: motor voltages, (3,)
@@ -561,30 +454,12 @@ def state_jacobian(x, u, w, p):
     p: physical parameters, (13,)
     Returns: shape (2n-m, 2n-m) = (8, 8); 533 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    front_forward = x[5]
-    beta1_rate = x[6]
-    beta2_rate = x[7]
-    u_drive = u[0]
-    u_front = u[1]
-    u_rear = u[2]
-    w_front_forward = w[0]
-    w_beta1_rate = w[1]
-    w_beta2_rate = w[2]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K2 = p[10]
-    K1_s = p[11]
-    K2_s = p[12]
+    phi, beta1, beta2, front_forward, beta1_rate, beta2_rate = x[2], x[3], x[4], x[5], x[6], x[7]
+    u_drive, u_front, u_rear = u[0], u[1], u[2]
+    w_front_forward, w_beta1_rate, w_beta2_rate = w[0], w[1], w[2]
+    r, a, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12]
+    )
     sin_phi = sin(phi)
     cos_beta1 = cos(beta1)
     cos_phi = cos(phi)
@@ -598,313 +473,314 @@ def state_jacobian(x, u, w, p):
     platform_lateral_front_forward_by_beta1 = cos_beta1_beta2*term_1
     x_dot_front_forward_by_beta1 = -cos_phi*sin_beta1 - platform_lateral_front_forward_by_beta1*sin_phi
     sin_beta2 = sin(beta2)
-    term_2 = 1/(cos_beta2**2)
-    term_3 = sin_beta2*term_2
-    term_4 = term_3/2
-    platform_lateral_front_forward_by_beta2 = platform_lateral_front_forward_by_beta1 + sin_beta1_beta2*term_4
-    term_5 = front_forward*platform_lateral_front_forward_by_beta2
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
+    term_2 = sin_beta2*cos_beta2_squared_inverse
+    term_3 = term_2/2
+    platform_lateral_front_forward_by_beta2 = platform_lateral_front_forward_by_beta1 + sin_beta1_beta2*term_3
+    term_4 = front_forward*platform_lateral_front_forward_by_beta2
     x_dot_front_forward = cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi
     y_dot_front_forward_by_beta1 = cos_phi*platform_lateral_front_forward_by_beta1 - sin_beta1*sin_phi
     cos_beta1_minus_beta2 = cos(beta1 - beta2)
     a_inverse = 1/a
-    term_7 = a_inverse*term_1
-    rear_turning_front_forward_by_beta1 = cos_beta1_minus_beta2*term_7
-    term_8 = front_forward*rear_turning_front_forward_by_beta1
+    term_5 = a_inverse*term_1
+    rear_turning_front_forward_by_beta1 = cos_beta1_minus_beta2*term_5
+    term_6 = front_forward*rear_turning_front_forward_by_beta1
     sin_beta1_minus_beta2 = sin(beta1 - beta2)
     rear_turning_front_forward_by_beta2 = (
-            a_inverse*sin_beta1_minus_beta2*sin_beta2*term_2/2 - rear_turning_front_forward_by_beta1
-        )
-    term_9 = front_forward*rear_turning_front_forward_by_beta2
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_7
+        a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - rear_turning_front_forward_by_beta1
+    )
+    term_7 = front_forward*rear_turning_front_forward_by_beta2
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_5
     r_squared = r**2
-    term_11 = 1/r_squared
-    term_12 = cos_beta1**2*m
-    term_13 = 2*I_w
-    term_14 = m*platform_lateral_front_forward
-    term_15 = d*m
-    term_16 = rear_turning_front_forward*term_15
+    r_squared_inverse = 1/r_squared
+    cos_beta1_squared_times_m = cos_beta1**2*m
+    term_8 = 2*I_w
+    term_9 = m*platform_lateral_front_forward
+    d_times_m = d*m
+    term_10 = rear_turning_front_forward*d_times_m
     inertia_platform = I + d**2*m
-    term_17 = inertia_platform*rear_turning_front_forward
-    term_18 = d*term_14
-    term_19 = cos_beta1*cos_beta2
-    term_20 = a*rear_turning_front_forward
-    rear_forward_front_forward = platform_lateral_front_forward*sin_beta2 - sin_beta2*term_20 + term_19
+    term_11 = inertia_platform*rear_turning_front_forward
+    term_12 = d*term_9
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    term_13 = a*rear_turning_front_forward
+    rear_forward_front_forward = (
+        platform_lateral_front_forward*sin_beta2 - sin_beta2*term_13 + cos_beta1_times_cos_beta2
+    )
     r_inverse = 1/r
     rear_wheel_rate_front_forward = r_inverse*rear_forward_front_forward
     inertia_front_forward_front_forward = (
-            J*rear_wheel_rate_front_forward**2 + J*term_11 + m_w*rear_forward_front_forward**2 + m_w
-            + platform_lateral_front_forward*(term_14 + term_16) + rear_turning_front_forward**2*term_13
-            + rear_turning_front_forward*(term_17 + term_18) + term_12
-        )
+        J*rear_wheel_rate_front_forward**2 + J*r_squared_inverse + m_w*rear_forward_front_forward**2 + m_w
+        + platform_lateral_front_forward*(term_9 + term_10) + rear_turning_front_forward**2*term_8
+        + rear_turning_front_forward*(term_11 + term_12) + cos_beta1_squared_times_m
+    )
     inertia_front_forward_front_forward_inverse = 1/inertia_front_forward_front_forward
-    term_23 = 1/(inertia_front_forward_front_forward**2)
-    term_24 = J*rear_wheel_rate_front_forward
+    term_14 = 1/(inertia_front_forward_front_forward**2)
+    term_15 = J*rear_wheel_rate_front_forward
     rear_turning_front_forward_dot = (
-            beta1_rate*rear_turning_front_forward_by_beta1 + beta2_rate*rear_turning_front_forward_by_beta2
-        )
-    term_25 = r_squared*rear_turning_front_forward_dot
+        beta1_rate*rear_turning_front_forward_by_beta1 + beta2_rate*rear_turning_front_forward_by_beta2
+    )
+    term_16 = r_squared*rear_turning_front_forward_dot
     platform_lateral_front_forward_dot = (
-            beta1_rate*platform_lateral_front_forward_by_beta1 + beta2_rate*platform_lateral_front_forward_by_beta2
-        )
-    term_26 = platform_lateral_front_forward_dot*r_squared
-    term_27 = m_w*rear_forward_front_forward
-    term_28 = I_w*rear_turning_front_forward_dot
-    term_29 = 2*r_squared*term_28
-    term_30 = cos_beta1*m*sin_beta1
-    term_31 = beta1_rate*r_squared
-    term_32 = a*sin_beta2
-    term_33 = cos_beta2*sin_beta1
-    term_34 = cos_beta1*sin_beta2 - cos_beta2*platform_lateral_front_forward + cos_beta2*term_20
+        beta1_rate*platform_lateral_front_forward_by_beta1 + beta2_rate*platform_lateral_front_forward_by_beta2
+    )
+    term_17 = platform_lateral_front_forward_dot*r_squared
+    term_18 = m_w*rear_forward_front_forward
+    term_19 = I_w*rear_turning_front_forward_dot
+    term_20 = 2*r_squared*term_19
+    term_21 = cos_beta1*m*sin_beta1
+    beta1_rate_times_r_squared = beta1_rate*r_squared
+    a_times_sin_beta2 = a*sin_beta2
+    cos_beta2_times_sin_beta1 = cos_beta2*sin_beta1
+    term_22 = cos_beta1*sin_beta2 - cos_beta2*platform_lateral_front_forward + cos_beta2*term_13
     rear_forward_front_forward_dot = (
-            -beta1_rate*term_33 - beta2_rate*term_34 + platform_lateral_front_forward_dot*sin_beta2
-            - rear_turning_front_forward_dot*term_32
-        )
+        -beta1_rate*cos_beta2_times_sin_beta1 - beta2_rate*term_22 + platform_lateral_front_forward_dot*sin_beta2
+        - rear_turning_front_forward_dot*a_times_sin_beta2
+    )
     rear_wheel_rate_front_forward_dot = r_inverse*rear_forward_front_forward_dot
     coriolis_front_forward_front_forward = (
-            term_11*(K2 + r_squared*rear_forward_front_forward_dot*term_27
-            + r_squared*rear_wheel_rate_front_forward_dot*term_24 + rear_turning_front_forward*term_29 + term_14*term_26
-            + term_16*term_26 + term_17*term_25 + term_18*term_25 - term_30*term_31)
-        )
-    force_front_forward = (
-            K1*r_inverse*u_drive - coriolis_front_forward_front_forward*front_forward - w_front_forward
-        )
-    term_35 = force_front_forward*term_23
-    term_36 = I_w*rear_turning_front_forward
-    ratio_beta1_rate_front_forward = inertia_front_forward_front_forward_inverse*term_36
+        r_squared_inverse*(K2 + r_squared*rear_forward_front_forward_dot*term_18
+        + r_squared*rear_wheel_rate_front_forward_dot*term_15 + rear_turning_front_forward*term_20 + term_9*term_17
+        + term_10*term_17 + term_11*term_16 + term_12*term_16 - term_21*beta1_rate_times_r_squared)
+    )
+    force_front_forward = K1*r_inverse*u_drive - coriolis_front_forward_front_forward*front_forward - w_front_forward
+    term_23 = force_front_forward*term_14
+    term_24 = I_w*rear_turning_front_forward
+    ratio_beta1_rate_front_forward = inertia_front_forward_front_forward_inverse*term_24
     ratio_beta1_rate_front_forward_squared = ratio_beta1_rate_front_forward**2
-    term_38 = inertia_front_forward_front_forward*ratio_beta1_rate_front_forward_squared
-    pivot_beta1_rate = I_w - term_38
+    term_25 = inertia_front_forward_front_forward*ratio_beta1_rate_front_forward_squared
+    pivot_beta1_rate = I_w - term_25
     pivot_beta1_rate_inverse = 1/pivot_beta1_rate
-    ratio_beta2_rate_beta1_rate = -pivot_beta1_rate_inverse*term_38
+    ratio_beta2_rate_beta1_rate = -pivot_beta1_rate_inverse*term_25
     ratio_beta2_rate_beta1_rate_squared = ratio_beta2_rate_beta1_rate**2
-    pivot_beta2_rate = I_w - pivot_beta1_rate*ratio_beta2_rate_beta1_rate_squared - term_38
+    pivot_beta2_rate = I_w - pivot_beta1_rate*ratio_beta2_rate_beta1_rate_squared - term_25
     pivot_beta2_rate_inverse = 1/pivot_beta2_rate
-    term_42 = force_front_forward*ratio_beta1_rate_front_forward + front_forward*term_28
-    force_beta1_rate = K1_s*u_front - K2_s*beta1_rate - term_42 - w_beta1_rate
+    term_26 = force_front_forward*ratio_beta1_rate_front_forward + front_forward*term_19
+    force_beta1_rate = K1_s*u_front - K2_s*beta1_rate - term_26 - w_beta1_rate
     force_beta2_rate = (
-            K1_s*u_rear - K2_s*beta2_rate - force_beta1_rate*ratio_beta2_rate_beta1_rate - term_42 - w_beta2_rate
-        )
+        K1_s*u_rear - K2_s*beta2_rate - force_beta1_rate*ratio_beta2_rate_beta1_rate - term_26 - w_beta2_rate
+    )
     beta2_rate_dot = force_beta2_rate*pivot_beta2_rate_inverse
     beta1_rate_dot = -beta2_rate_dot*ratio_beta2_rate_beta1_rate + force_beta1_rate*pivot_beta1_rate_inverse
-    term_43 = -beta1_rate_dot - beta2_rate_dot
-    term_44 = J*rear_wheel_rate_front_forward_dot
-    term_45 = m_w*rear_forward_front_forward_dot
-    term_46 = term_11*(m*term_26 + term_15*term_25)
-    term_47 = term_11*(r_squared*term_14 + r_squared*term_16)
-    term_48 = term_11*(inertia_platform*term_25 + term_15*term_26 + term_29)
-    term_49 = term_11*(r_squared*rear_turning_front_forward*term_13 + r_squared*term_17 + r_squared*term_18)
-    term_50 = beta1_rate*platform_lateral_front_forward
-    term_51 = cos_beta1_beta2*term_3
-    term_52 = term_51/2
-    platform_lateral_front_forward_dot_by_beta1 = beta2_rate*(-platform_lateral_front_forward + term_52) - term_50
+    term_27 = -beta1_rate_dot - beta2_rate_dot
+    term_28 = J*rear_wheel_rate_front_forward_dot
+    term_29 = m_w*rear_forward_front_forward_dot
+    term_30 = r_squared_inverse*(m*term_17 + d_times_m*term_16)
+    term_31 = r_squared_inverse*(r_squared*term_9 + r_squared*term_10)
+    term_32 = r_squared_inverse*(inertia_platform*term_16 + d_times_m*term_17 + term_20)
+    term_33 = r_squared_inverse*(r_squared*rear_turning_front_forward*term_8 + r_squared*term_11 + r_squared*term_12)
+    term_34 = beta1_rate*platform_lateral_front_forward
+    term_35 = cos_beta1_beta2*term_2
+    term_36 = term_35/2
+    platform_lateral_front_forward_dot_by_beta1 = beta2_rate*(-platform_lateral_front_forward + term_36) - term_34
     rear_forward_front_forward_by_beta1 = (
-            platform_lateral_front_forward_by_beta1*sin_beta2 - rear_turning_front_forward_by_beta1*term_32 - term_33
-        )
-    term_53 = beta1_rate*rear_turning_front_forward
-    term_54 = a_inverse*cos_beta1_minus_beta2
-    term_55 = term_4*term_54
-    rear_turning_front_forward_dot_by_beta1 = beta2_rate*(rear_turning_front_forward + term_55) - term_53
-    term_56 = beta2_rate*cos_beta2
-    term_57 = a*term_56
+        platform_lateral_front_forward_by_beta1*sin_beta2 - rear_turning_front_forward_by_beta1*a_times_sin_beta2
+        - cos_beta2_times_sin_beta1
+    )
+    term_37 = beta1_rate*rear_turning_front_forward
+    cos_beta1_minus_beta2_over_a = a_inverse*cos_beta1_minus_beta2
+    term_38 = term_3*cos_beta1_minus_beta2_over_a
+    rear_turning_front_forward_dot_by_beta1 = beta2_rate*(rear_turning_front_forward + term_38) - term_37
+    beta2_rate_times_cos_beta2 = beta2_rate*cos_beta2
+    term_39 = a*beta2_rate_times_cos_beta2
     rear_forward_front_forward_dot_by_beta1 = (
-            -beta1_rate*term_19 + beta2_rate*cos_beta2*platform_lateral_front_forward_by_beta1
-            + beta2_rate*sin_beta1*sin_beta2 + platform_lateral_front_forward_dot_by_beta1*sin_beta2
-            - rear_turning_front_forward_by_beta1*term_57 - rear_turning_front_forward_dot_by_beta1*term_32
-        )
+        -beta1_rate*cos_beta1_times_cos_beta2 + beta2_rate*cos_beta2*platform_lateral_front_forward_by_beta1
+        + beta2_rate*sin_beta1*sin_beta2 + platform_lateral_front_forward_dot_by_beta1*sin_beta2
+        - rear_turning_front_forward_by_beta1*term_39 - rear_turning_front_forward_dot_by_beta1*a_times_sin_beta2
+    )
     rear_wheel_rate_front_forward_by_beta1 = r_inverse*rear_forward_front_forward_by_beta1
     rear_wheel_rate_front_forward_dot_by_beta1 = r_inverse*rear_forward_front_forward_dot_by_beta1
     coriolis_front_forward_front_forward_by_beta1 = (
-            platform_lateral_front_forward_by_beta1*term_46 + platform_lateral_front_forward_dot_by_beta1*term_47
-            + rear_forward_front_forward_by_beta1*term_45 + rear_forward_front_forward_dot_by_beta1*term_27
-            + rear_turning_front_forward_by_beta1*term_48 + rear_turning_front_forward_dot_by_beta1*term_49
-            + rear_wheel_rate_front_forward_by_beta1*term_44 + rear_wheel_rate_front_forward_dot_by_beta1*term_24
-            + term_11*(beta1_rate*m*r_squared*sin_beta1**2 - term_12*term_31)
-        )
-    term_58 = rear_wheel_rate_front_forward_by_beta1*term_24
-    term_59 = rear_forward_front_forward_by_beta1*term_27
-    term_60 = 2*term_14 + 2*term_16
-    term_61 = 2*term_17 + 2*term_18 + 4*term_36
+        platform_lateral_front_forward_by_beta1*term_30 + platform_lateral_front_forward_dot_by_beta1*term_31
+        + rear_forward_front_forward_by_beta1*term_29 + rear_forward_front_forward_dot_by_beta1*term_18
+        + rear_turning_front_forward_by_beta1*term_32 + rear_turning_front_forward_dot_by_beta1*term_33
+        + rear_wheel_rate_front_forward_by_beta1*term_28 + rear_wheel_rate_front_forward_dot_by_beta1*term_15
+        + r_squared_inverse*(beta1_rate*m*r_squared*sin_beta1**2 - cos_beta1_squared_times_m*beta1_rate_times_r_squared)
+    )
+    term_40 = rear_wheel_rate_front_forward_by_beta1*term_15
+    term_41 = rear_forward_front_forward_by_beta1*term_18
+    term_42 = 2*term_9 + 2*term_10
+    term_43 = 2*term_11 + 2*term_12 + 4*term_24
     inertia_front_forward_front_forward_by_beta1 = (
-            platform_lateral_front_forward_by_beta1*term_60 + rear_turning_front_forward_by_beta1*term_61 - 2*term_30
-            + 2*term_58 + 2*term_59
-        )
-    term_62 = I_w*inertia_front_forward_front_forward_inverse
-    term_63 = term_23*term_36
+        platform_lateral_front_forward_by_beta1*term_42 + rear_turning_front_forward_by_beta1*term_43 - 2*term_21
+        + 2*term_40 + 2*term_41
+    )
+    term_44 = I_w*inertia_front_forward_front_forward_inverse
+    term_45 = term_14*term_24
     ratio_beta1_rate_front_forward_by_beta1 = (
-            -inertia_front_forward_front_forward_by_beta1*term_63 + rear_turning_front_forward_by_beta1*term_62
-        )
-    term_64 = force_beta2_rate/pivot_beta2_rate**2
-    term_65 = I_w*front_forward
-    term_66 = (
-            -coriolis_front_forward_front_forward_by_beta1*front_forward*ratio_beta1_rate_front_forward
-            + force_front_forward*ratio_beta1_rate_front_forward_by_beta1
-            + rear_turning_front_forward_dot_by_beta1*term_65
-        )
-    force_beta1_rate_by_beta1 = -term_66
-    term_67 = inertia_front_forward_front_forward_by_beta1*ratio_beta1_rate_front_forward_squared
-    term_68 = 2*inertia_front_forward_front_forward*ratio_beta1_rate_front_forward
-    term_69 = ratio_beta1_rate_front_forward_by_beta1*term_68
-    term_70 = 1/(pivot_beta1_rate**2)
-    term_71 = term_67 + term_69
-    pivot_beta1_rate_by_beta1 = -term_71
+        -inertia_front_forward_front_forward_by_beta1*term_45 + rear_turning_front_forward_by_beta1*term_44
+    )
+    term_46 = force_beta2_rate/pivot_beta2_rate**2
+    I_w_times_front_forward = I_w*front_forward
+    term_47 = (
+        -coriolis_front_forward_front_forward_by_beta1*front_forward*ratio_beta1_rate_front_forward
+        + force_front_forward*ratio_beta1_rate_front_forward_by_beta1
+        + rear_turning_front_forward_dot_by_beta1*I_w_times_front_forward
+    )
+    force_beta1_rate_by_beta1 = -term_47
+    term_48 = inertia_front_forward_front_forward_by_beta1*ratio_beta1_rate_front_forward_squared
+    term_49 = 2*inertia_front_forward_front_forward*ratio_beta1_rate_front_forward
+    term_50 = ratio_beta1_rate_front_forward_by_beta1*term_49
+    term_51 = 1/(pivot_beta1_rate**2)
+    term_52 = term_48 + term_50
+    pivot_beta1_rate_by_beta1 = -term_52
     ratio_beta2_rate_beta1_rate_by_beta1 = (
-            inertia_front_forward_front_forward*pivot_beta1_rate_by_beta1*ratio_beta1_rate_front_forward_squared*term_70
-            - pivot_beta1_rate_inverse*term_67 - pivot_beta1_rate_inverse*term_69
-        )
+        inertia_front_forward_front_forward*pivot_beta1_rate_by_beta1*ratio_beta1_rate_front_forward_squared*term_51
+        - pivot_beta1_rate_inverse*term_48 - pivot_beta1_rate_inverse*term_50
+    )
     force_beta2_rate_by_beta1 = (
-            -force_beta1_rate*ratio_beta2_rate_beta1_rate_by_beta1
-            - force_beta1_rate_by_beta1*ratio_beta2_rate_beta1_rate - term_66
-        )
-    term_72 = 2*pivot_beta1_rate*ratio_beta2_rate_beta1_rate
+        -force_beta1_rate*ratio_beta2_rate_beta1_rate_by_beta1 - force_beta1_rate_by_beta1*ratio_beta2_rate_beta1_rate
+        - term_47
+    )
+    term_53 = 2*pivot_beta1_rate*ratio_beta2_rate_beta1_rate
     pivot_beta2_rate_by_beta1 = (
-            -pivot_beta1_rate_by_beta1*ratio_beta2_rate_beta1_rate_squared
-            - ratio_beta2_rate_beta1_rate_by_beta1*term_72 - term_71
-        )
-    beta2_rate_dot_by_beta1 = force_beta2_rate_by_beta1*pivot_beta2_rate_inverse - pivot_beta2_rate_by_beta1*term_64
-    term_73 = force_beta1_rate*term_70
+        -pivot_beta1_rate_by_beta1*ratio_beta2_rate_beta1_rate_squared - ratio_beta2_rate_beta1_rate_by_beta1*term_53
+        - term_52
+    )
+    beta2_rate_dot_by_beta1 = force_beta2_rate_by_beta1*pivot_beta2_rate_inverse - pivot_beta2_rate_by_beta1*term_46
+    term_54 = force_beta1_rate*term_51
     beta1_rate_dot_by_beta1 = (
-            -beta2_rate_dot*ratio_beta2_rate_beta1_rate_by_beta1 - beta2_rate_dot_by_beta1*ratio_beta2_rate_beta1_rate
-            + force_beta1_rate_by_beta1*pivot_beta1_rate_inverse - pivot_beta1_rate_by_beta1*term_73
-        )
+        -beta2_rate_dot*ratio_beta2_rate_beta1_rate_by_beta1 - beta2_rate_dot_by_beta1*ratio_beta2_rate_beta1_rate
+        + force_beta1_rate_by_beta1*pivot_beta1_rate_inverse - pivot_beta1_rate_by_beta1*term_54
+    )
     front_forward_dot_by_beta1 = (
-            -beta1_rate_dot_by_beta1*ratio_beta1_rate_front_forward
-            - beta2_rate_dot_by_beta1*ratio_beta1_rate_front_forward
-            - coriolis_front_forward_front_forward_by_beta1*front_forward*inertia_front_forward_front_forward_inverse
-            - inertia_front_forward_front_forward_by_beta1*term_35 + ratio_beta1_rate_front_forward_by_beta1*term_43
-        )
-    term_74 = 1/(cos_beta2*cos_beta2*cos_beta2)
+        -beta1_rate_dot_by_beta1*ratio_beta1_rate_front_forward - beta2_rate_dot_by_beta1*ratio_beta1_rate_front_forward
+        - coriolis_front_forward_front_forward_by_beta1*front_forward*inertia_front_forward_front_forward_inverse
+        - inertia_front_forward_front_forward_by_beta1*term_23 + ratio_beta1_rate_front_forward_by_beta1*term_27
+    )
+    term_55 = 1/(cos_beta2*cos_beta2*cos_beta2)
     sin_beta2_squared = sin_beta2**2
     platform_lateral_front_forward_dot_by_beta2 = (
-            beta1_rate*term_52 + beta2_rate*(sin_beta1_beta2*sin_beta2_squared*term_74 + term_51) - term_50
-        )
+        beta1_rate*term_36 + beta2_rate*(sin_beta1_beta2*sin_beta2_squared*term_55 + term_35) - term_34
+    )
     rear_forward_front_forward_by_beta2 = (
-            platform_lateral_front_forward_by_beta2*sin_beta2 - rear_turning_front_forward_by_beta2*term_32 - term_34
-        )
+        platform_lateral_front_forward_by_beta2*sin_beta2 - rear_turning_front_forward_by_beta2*a_times_sin_beta2
+        - term_22
+    )
     rear_turning_front_forward_dot_by_beta2 = (
-            beta1_rate*term_55 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2_squared*term_74 - term_3*term_54)
-            + term_53
-        )
+        beta1_rate*term_38
+        + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2_squared*term_55 - term_2*cos_beta1_minus_beta2_over_a)
+        + term_37
+    )
     rear_forward_front_forward_dot_by_beta2 = (
-            -a*cos_beta2*rear_turning_front_forward_dot + beta1_rate*sin_beta1*sin_beta2
-            - beta2_rate*rear_forward_front_forward + cos_beta2*platform_lateral_front_forward_dot
-            + platform_lateral_front_forward_by_beta2*term_56 + platform_lateral_front_forward_dot_by_beta2*sin_beta2
-            - rear_turning_front_forward_by_beta2*term_57 - rear_turning_front_forward_dot_by_beta2*term_32
-        )
+        -a*cos_beta2*rear_turning_front_forward_dot + beta1_rate*sin_beta1*sin_beta2
+        - beta2_rate*rear_forward_front_forward + cos_beta2*platform_lateral_front_forward_dot
+        + platform_lateral_front_forward_by_beta2*beta2_rate_times_cos_beta2
+        + platform_lateral_front_forward_dot_by_beta2*sin_beta2 - rear_turning_front_forward_by_beta2*term_39
+        - rear_turning_front_forward_dot_by_beta2*a_times_sin_beta2
+    )
     rear_wheel_rate_front_forward_by_beta2 = r_inverse*rear_forward_front_forward_by_beta2
     rear_wheel_rate_front_forward_dot_by_beta2 = r_inverse*rear_forward_front_forward_dot_by_beta2
     coriolis_front_forward_front_forward_by_beta2 = (
-            platform_lateral_front_forward_by_beta2*term_46 + platform_lateral_front_forward_dot_by_beta2*term_47
-            + rear_forward_front_forward_by_beta2*term_45 + rear_forward_front_forward_dot_by_beta2*term_27
-            + rear_turning_front_forward_by_beta2*term_48 + rear_turning_front_forward_dot_by_beta2*term_49
-            + rear_wheel_rate_front_forward_by_beta2*term_44 + rear_wheel_rate_front_forward_dot_by_beta2*term_24
-        )
-    term_76 = rear_wheel_rate_front_forward_by_beta2*term_24
-    term_77 = rear_forward_front_forward_by_beta2*term_27
+        platform_lateral_front_forward_by_beta2*term_30 + platform_lateral_front_forward_dot_by_beta2*term_31
+        + rear_forward_front_forward_by_beta2*term_29 + rear_forward_front_forward_dot_by_beta2*term_18
+        + rear_turning_front_forward_by_beta2*term_32 + rear_turning_front_forward_dot_by_beta2*term_33
+        + rear_wheel_rate_front_forward_by_beta2*term_28 + rear_wheel_rate_front_forward_dot_by_beta2*term_15
+    )
+    term_56 = rear_wheel_rate_front_forward_by_beta2*term_15
+    term_57 = rear_forward_front_forward_by_beta2*term_18
     inertia_front_forward_front_forward_by_beta2 = (
-            platform_lateral_front_forward_by_beta2*term_60 + rear_turning_front_forward_by_beta2*term_61 + 2*term_76
-            + 2*term_77
-        )
+        platform_lateral_front_forward_by_beta2*term_42 + rear_turning_front_forward_by_beta2*term_43 + 2*term_56
+        + 2*term_57
+    )
     ratio_beta1_rate_front_forward_by_beta2 = (
-            -inertia_front_forward_front_forward_by_beta2*term_63 + rear_turning_front_forward_by_beta2*term_62
-        )
-    term_78 = (
-            -coriolis_front_forward_front_forward_by_beta2*front_forward*ratio_beta1_rate_front_forward
-            + force_front_forward*ratio_beta1_rate_front_forward_by_beta2
-            + rear_turning_front_forward_dot_by_beta2*term_65
-        )
-    force_beta1_rate_by_beta2 = -term_78
-    term_79 = inertia_front_forward_front_forward_by_beta2*ratio_beta1_rate_front_forward_squared
-    term_80 = ratio_beta1_rate_front_forward_by_beta2*term_68
-    term_81 = term_79 + term_80
-    pivot_beta1_rate_by_beta2 = -term_81
+        -inertia_front_forward_front_forward_by_beta2*term_45 + rear_turning_front_forward_by_beta2*term_44
+    )
+    term_58 = (
+        -coriolis_front_forward_front_forward_by_beta2*front_forward*ratio_beta1_rate_front_forward
+        + force_front_forward*ratio_beta1_rate_front_forward_by_beta2
+        + rear_turning_front_forward_dot_by_beta2*I_w_times_front_forward
+    )
+    force_beta1_rate_by_beta2 = -term_58
+    term_59 = inertia_front_forward_front_forward_by_beta2*ratio_beta1_rate_front_forward_squared
+    term_60 = ratio_beta1_rate_front_forward_by_beta2*term_49
+    term_61 = term_59 + term_60
+    pivot_beta1_rate_by_beta2 = -term_61
     ratio_beta2_rate_beta1_rate_by_beta2 = (
-            inertia_front_forward_front_forward*pivot_beta1_rate_by_beta2*ratio_beta1_rate_front_forward_squared*term_70
-            - pivot_beta1_rate_inverse*term_79 - pivot_beta1_rate_inverse*term_80
-        )
+        inertia_front_forward_front_forward*pivot_beta1_rate_by_beta2*ratio_beta1_rate_front_forward_squared*term_51
+        - pivot_beta1_rate_inverse*term_59 - pivot_beta1_rate_inverse*term_60
+    )
     force_beta2_rate_by_beta2 = (
-            -force_beta1_rate*ratio_beta2_rate_beta1_rate_by_beta2
-            - force_beta1_rate_by_beta2*ratio_beta2_rate_beta1_rate - term_78
-        )
+        -force_beta1_rate*ratio_beta2_rate_beta1_rate_by_beta2 - force_beta1_rate_by_beta2*ratio_beta2_rate_beta1_rate
+        - term_58
+    )
     pivot_beta2_rate_by_beta2 = (
-            -pivot_beta1_rate_by_beta2*ratio_beta2_rate_beta1_rate_squared
-            - ratio_beta2_rate_beta1_rate_by_beta2*term_72 - term_81
-        )
-    beta2_rate_dot_by_beta2 = force_beta2_rate_by_beta2*pivot_beta2_rate_inverse - pivot_beta2_rate_by_beta2*term_64
+        -pivot_beta1_rate_by_beta2*ratio_beta2_rate_beta1_rate_squared - ratio_beta2_rate_beta1_rate_by_beta2*term_53
+        - term_61
+    )
+    beta2_rate_dot_by_beta2 = force_beta2_rate_by_beta2*pivot_beta2_rate_inverse - pivot_beta2_rate_by_beta2*term_46
     beta1_rate_dot_by_beta2 = (
-            -beta2_rate_dot*ratio_beta2_rate_beta1_rate_by_beta2 - beta2_rate_dot_by_beta2*ratio_beta2_rate_beta1_rate
-            + force_beta1_rate_by_beta2*pivot_beta1_rate_inverse - pivot_beta1_rate_by_beta2*term_73
-        )
+        -beta2_rate_dot*ratio_beta2_rate_beta1_rate_by_beta2 - beta2_rate_dot_by_beta2*ratio_beta2_rate_beta1_rate
+        + force_beta1_rate_by_beta2*pivot_beta1_rate_inverse - pivot_beta1_rate_by_beta2*term_54
+    )
     front_forward_dot_by_beta2 = (
-            -beta1_rate_dot_by_beta2*ratio_beta1_rate_front_forward
-            - beta2_rate_dot_by_beta2*ratio_beta1_rate_front_forward
-            - coriolis_front_forward_front_forward_by_beta2*front_forward*inertia_front_forward_front_forward_inverse
-            - inertia_front_forward_front_forward_by_beta2*term_35 + ratio_beta1_rate_front_forward_by_beta2*term_43
-        )
-    term_82 = -coriolis_front_forward_front_forward*ratio_beta1_rate_front_forward + term_28
-    force_beta1_rate_by_front_forward = -term_82
-    force_beta2_rate_by_front_forward = -force_beta1_rate_by_front_forward*ratio_beta2_rate_beta1_rate - term_82
+        -beta1_rate_dot_by_beta2*ratio_beta1_rate_front_forward - beta2_rate_dot_by_beta2*ratio_beta1_rate_front_forward
+        - coriolis_front_forward_front_forward_by_beta2*front_forward*inertia_front_forward_front_forward_inverse
+        - inertia_front_forward_front_forward_by_beta2*term_23 + ratio_beta1_rate_front_forward_by_beta2*term_27
+    )
+    term_62 = -coriolis_front_forward_front_forward*ratio_beta1_rate_front_forward + term_19
+    force_beta1_rate_by_front_forward = -term_62
+    force_beta2_rate_by_front_forward = -force_beta1_rate_by_front_forward*ratio_beta2_rate_beta1_rate - term_62
     beta2_rate_dot_by_front_forward = force_beta2_rate_by_front_forward*pivot_beta2_rate_inverse
     beta1_rate_dot_by_front_forward = (
-            -beta2_rate_dot_by_front_forward*ratio_beta2_rate_beta1_rate
-            + force_beta1_rate_by_front_forward*pivot_beta1_rate_inverse
-        )
+        -beta2_rate_dot_by_front_forward*ratio_beta2_rate_beta1_rate
+        + force_beta1_rate_by_front_forward*pivot_beta1_rate_inverse
+    )
     front_forward_dot_by_front_forward = (
-            -beta1_rate_dot_by_front_forward*ratio_beta1_rate_front_forward
-            - beta2_rate_dot_by_front_forward*ratio_beta1_rate_front_forward
-            - coriolis_front_forward_front_forward*inertia_front_forward_front_forward_inverse
-        )
+        -beta1_rate_dot_by_front_forward*ratio_beta1_rate_front_forward
+        - beta2_rate_dot_by_front_forward*ratio_beta1_rate_front_forward
+        - coriolis_front_forward_front_forward*inertia_front_forward_front_forward_inverse
+    )
     coriolis_front_forward_front_forward_by_beta1_rate = (
-            platform_lateral_front_forward_by_beta1*term_47 + rear_turning_front_forward_by_beta1*term_49 - term_30
-            + term_58 + term_59
-        )
-    term_83 = (
-            I_w*term_8 - coriolis_front_forward_front_forward_by_beta1_rate*front_forward*ratio_beta1_rate_front_forward
-        )
-    force_beta1_rate_by_beta1_rate = -K2_s - term_83
-    force_beta2_rate_by_beta1_rate = -force_beta1_rate_by_beta1_rate*ratio_beta2_rate_beta1_rate - term_83
+        platform_lateral_front_forward_by_beta1*term_31 + rear_turning_front_forward_by_beta1*term_33 - term_21
+        + term_40 + term_41
+    )
+    term_63 = (
+        I_w*term_6 - coriolis_front_forward_front_forward_by_beta1_rate*front_forward*ratio_beta1_rate_front_forward
+    )
+    force_beta1_rate_by_beta1_rate = -K2_s - term_63
+    force_beta2_rate_by_beta1_rate = -force_beta1_rate_by_beta1_rate*ratio_beta2_rate_beta1_rate - term_63
     beta2_rate_dot_by_beta1_rate = force_beta2_rate_by_beta1_rate*pivot_beta2_rate_inverse
     beta1_rate_dot_by_beta1_rate = (
-            -beta2_rate_dot_by_beta1_rate*ratio_beta2_rate_beta1_rate
-            + force_beta1_rate_by_beta1_rate*pivot_beta1_rate_inverse
-        )
+        -beta2_rate_dot_by_beta1_rate*ratio_beta2_rate_beta1_rate
+        + force_beta1_rate_by_beta1_rate*pivot_beta1_rate_inverse
+    )
     front_forward_dot_by_beta1_rate = (
-            -beta1_rate_dot_by_beta1_rate*ratio_beta1_rate_front_forward
-            - beta2_rate_dot_by_beta1_rate*ratio_beta1_rate_front_forward
-            - coriolis_front_forward_front_forward_by_beta1_rate*front_forward*inertia_front_forward_front_forward_inverse
-        )
+        -beta1_rate_dot_by_beta1_rate*ratio_beta1_rate_front_forward
+        - beta2_rate_dot_by_beta1_rate*ratio_beta1_rate_front_forward
+        - coriolis_front_forward_front_forward_by_beta1_rate*front_forward*inertia_front_forward_front_forward_inverse
+    )
     coriolis_front_forward_front_forward_by_beta2_rate = (
-            platform_lateral_front_forward_by_beta2*term_47 + rear_turning_front_forward_by_beta2*term_49 + term_76
-            + term_77
-        )
-    term_84 = (
-            I_w*term_9 - coriolis_front_forward_front_forward_by_beta2_rate*front_forward*ratio_beta1_rate_front_forward
-        )
-    force_beta1_rate_by_beta2_rate = -term_84
-    force_beta2_rate_by_beta2_rate = -K2_s - force_beta1_rate_by_beta2_rate*ratio_beta2_rate_beta1_rate - term_84
+        platform_lateral_front_forward_by_beta2*term_31 + rear_turning_front_forward_by_beta2*term_33 + term_56
+        + term_57
+    )
+    term_64 = (
+        I_w*term_7 - coriolis_front_forward_front_forward_by_beta2_rate*front_forward*ratio_beta1_rate_front_forward
+    )
+    force_beta1_rate_by_beta2_rate = -term_64
+    force_beta2_rate_by_beta2_rate = -K2_s - force_beta1_rate_by_beta2_rate*ratio_beta2_rate_beta1_rate - term_64
     beta2_rate_dot_by_beta2_rate = force_beta2_rate_by_beta2_rate*pivot_beta2_rate_inverse
     beta1_rate_dot_by_beta2_rate = (
-            -beta2_rate_dot_by_beta2_rate*ratio_beta2_rate_beta1_rate
-            + force_beta1_rate_by_beta2_rate*pivot_beta1_rate_inverse
-        )
+        -beta2_rate_dot_by_beta2_rate*ratio_beta2_rate_beta1_rate
+        + force_beta1_rate_by_beta2_rate*pivot_beta1_rate_inverse
+    )
     front_forward_dot_by_beta2_rate = (
-            -beta1_rate_dot_by_beta2_rate*ratio_beta1_rate_front_forward
-            - beta2_rate_dot_by_beta2_rate*ratio_beta1_rate_front_forward
-            - coriolis_front_forward_front_forward_by_beta2_rate*front_forward*inertia_front_forward_front_forward_inverse
-        )
+        -beta1_rate_dot_by_beta2_rate*ratio_beta1_rate_front_forward
+        - beta2_rate_dot_by_beta2_rate*ratio_beta1_rate_front_forward
+        - coriolis_front_forward_front_forward_by_beta2_rate*front_forward*inertia_front_forward_front_forward_inverse
+    )
     out = _zeros((8, 8), x, u, w, p)
     out[0, 2] = -front_forward*y_dot_front_forward
     out[0, 3] = front_forward*x_dot_front_forward_by_beta1
-    out[0, 4] = -sin_phi*term_5
+    out[0, 4] = -sin_phi*term_4
     out[0, 5] = x_dot_front_forward
     out[1, 2] = front_forward*x_dot_front_forward
     out[1, 3] = front_forward*y_dot_front_forward_by_beta1
-    out[1, 4] = cos_phi*term_5
+    out[1, 4] = cos_phi*term_4
     out[1, 5] = y_dot_front_forward
-    out[2, 3] = term_8
-    out[2, 4] = term_9
+    out[2, 3] = term_6
+    out[2, 4] = term_7
     out[2, 5] = rear_turning_front_forward
-    out[3, 6] = 1
-    out[4, 7] = 1
+    out[3, 6] = out[4, 7] = 1
     out[5, 3] = front_forward_dot_by_beta1
     out[5, 4] = front_forward_dot_by_beta2
     out[5, 5] = front_forward_dot_by_front_forward
@@ -925,7 +801,7 @@ def state_jacobian(x, u, w, p):
 
 @_function(x=8, u=3, w=3, p=13)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (8,)
     u: motor voltages, (3,)
@@ -933,74 +809,57 @@ def input_jacobian(x, u, w, p):
     p: physical parameters, (13,)
     Returns: shape (2n-m, n_u) = (8, 3); 93 operations.
     """
-    beta1 = x[3]
-    beta2 = x[4]
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K1_s = p[11]
+    beta1, beta2 = x[3], x[4]
+    r, a, d, m, m_w, I, I_w, J, K1, K1_s = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[11]
     cos_beta1 = cos(beta1)
-    sin_beta1_beta2 = sin(beta1 + beta2)
     cos_beta2 = cos(beta2)
     term_1 = 1/(2*cos_beta2)
-    platform_lateral_front_forward = sin_beta1_beta2*term_1
+    platform_lateral_front_forward = sin(beta1 + beta2)*term_1
     term_2 = m*platform_lateral_front_forward
-    sin_beta1_minus_beta2 = sin(beta1 - beta2)
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_1/a
+    rear_turning_front_forward = sin(beta1 - beta2)*term_1/a
     sin_beta2 = sin(beta2)
     rear_forward_front_forward = (
-            -a*rear_turning_front_forward*sin_beta2 + cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2
-        )
+        -a*rear_turning_front_forward*sin_beta2 + cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2
+    )
     r_inverse = 1/r
     rear_wheel_rate_front_forward = r_inverse*rear_forward_front_forward
     inertia_platform = I + d**2*m
     inertia_front_forward_front_forward = (
-            2*I_w*rear_turning_front_forward**2 + J*rear_wheel_rate_front_forward**2 + J/r**2 + cos_beta1**2*m
-            + m_w*rear_forward_front_forward**2 + m_w
-            + platform_lateral_front_forward*(d*m*rear_turning_front_forward + term_2)
-            + rear_turning_front_forward*(d*term_2 + inertia_platform*rear_turning_front_forward)
-        )
+        2*I_w*rear_turning_front_forward**2 + J*rear_wheel_rate_front_forward**2 + J/r**2 + cos_beta1**2*m
+        + m_w*rear_forward_front_forward**2 + m_w
+        + platform_lateral_front_forward*(d*m*rear_turning_front_forward + term_2)
+        + rear_turning_front_forward*(d*term_2 + inertia_platform*rear_turning_front_forward)
+    )
     inertia_front_forward_front_forward_inverse = 1/inertia_front_forward_front_forward
     ratio_beta1_rate_front_forward = I_w*inertia_front_forward_front_forward_inverse*rear_turning_front_forward
     force_front_forward_by_u_drive = K1*r_inverse
-    term_5 = inertia_front_forward_front_forward*ratio_beta1_rate_front_forward**2
-    pivot_beta1_rate = I_w - term_5
+    term_3 = inertia_front_forward_front_forward*ratio_beta1_rate_front_forward**2
+    pivot_beta1_rate = I_w - term_3
     pivot_beta1_rate_inverse = 1/pivot_beta1_rate
-    ratio_beta2_rate_beta1_rate = -pivot_beta1_rate_inverse*term_5
-    pivot_beta2_rate = I_w - pivot_beta1_rate*ratio_beta2_rate_beta1_rate**2 - term_5
+    ratio_beta2_rate_beta1_rate = -pivot_beta1_rate_inverse*term_3
+    pivot_beta2_rate = I_w - pivot_beta1_rate*ratio_beta2_rate_beta1_rate**2 - term_3
     pivot_beta2_rate_inverse = 1/pivot_beta2_rate
-    term_8 = force_front_forward_by_u_drive*ratio_beta1_rate_front_forward
-    force_beta2_rate_by_u_drive = ratio_beta2_rate_beta1_rate*term_8 - term_8
+    term_4 = force_front_forward_by_u_drive*ratio_beta1_rate_front_forward
+    force_beta2_rate_by_u_drive = ratio_beta2_rate_beta1_rate*term_4 - term_4
     beta2_rate_dot_by_u_drive = force_beta2_rate_by_u_drive*pivot_beta2_rate_inverse
-    beta1_rate_dot_by_u_drive = (
-            -beta2_rate_dot_by_u_drive*ratio_beta2_rate_beta1_rate - pivot_beta1_rate_inverse*term_8
-        )
+    beta1_rate_dot_by_u_drive = -beta2_rate_dot_by_u_drive*ratio_beta2_rate_beta1_rate - pivot_beta1_rate_inverse*term_4
     front_forward_dot_by_u_drive = (
-            -beta1_rate_dot_by_u_drive*ratio_beta1_rate_front_forward
-            - beta2_rate_dot_by_u_drive*ratio_beta1_rate_front_forward
-            + force_front_forward_by_u_drive*inertia_front_forward_front_forward_inverse
-        )
+        -beta1_rate_dot_by_u_drive*ratio_beta1_rate_front_forward
+        - beta2_rate_dot_by_u_drive*ratio_beta1_rate_front_forward
+        + force_front_forward_by_u_drive*inertia_front_forward_front_forward_inverse
+    )
     beta2_rate_dot_by_u_rear = K1_s*pivot_beta2_rate_inverse
     beta2_rate_dot_by_u_front = -beta2_rate_dot_by_u_rear*ratio_beta2_rate_beta1_rate
-    beta1_rate_dot_by_u_front = (
-            K1_s*pivot_beta1_rate_inverse - beta2_rate_dot_by_u_front*ratio_beta2_rate_beta1_rate
-        )
+    beta1_rate_dot_by_u_front = K1_s*pivot_beta1_rate_inverse - beta2_rate_dot_by_u_front*ratio_beta2_rate_beta1_rate
     front_forward_dot_by_u_front = (
-            -beta1_rate_dot_by_u_front*ratio_beta1_rate_front_forward
-            - beta2_rate_dot_by_u_front*ratio_beta1_rate_front_forward
-        )
-    term_9 = beta2_rate_dot_by_u_rear*ratio_beta1_rate_front_forward
-    front_forward_dot_by_u_rear = ratio_beta2_rate_beta1_rate*term_9 - term_9
+        -beta1_rate_dot_by_u_front*ratio_beta1_rate_front_forward
+        - beta2_rate_dot_by_u_front*ratio_beta1_rate_front_forward
+    )
+    term_5 = beta2_rate_dot_by_u_rear*ratio_beta1_rate_front_forward
     out = _zeros((8, 3), x, u, w, p)
     out[5, 0] = front_forward_dot_by_u_drive
     out[5, 1] = front_forward_dot_by_u_front
-    out[5, 2] = front_forward_dot_by_u_rear
+    out[5, 2] = ratio_beta2_rate_beta1_rate*term_5 - term_5
     out[6, 0] = beta1_rate_dot_by_u_drive
     out[6, 1] = beta1_rate_dot_by_u_front
     out[6, 2] = -beta2_rate_dot_by_u_rear*ratio_beta2_rate_beta1_rate
@@ -1012,39 +871,30 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=13)
 def base_parameters(p):
-    """theta(p), inverse form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (13,)
     Returns: shape (n_theta,) = (7,); 27 operations.
     """
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K2 = p[10]
-    K1_s = p[11]
-    K2_s = p[12]
+    r, a, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse/r
-    term_3 = K1_inverse*r
-    term_4 = m*term_3
+    term_1 = K1_inverse/r
+    r_over_K1 = K1_inverse*r
+    m_times_r_over_K1 = m*r_over_K1
     r_squared = r**2
-    term_6 = 2*term_2*(J + m_w*r_squared)
+    term_2 = 2*term_1*(J + m_w*r_squared)
     inertia_platform = I + d**2*m
     K1_s_inverse = 1/K1_s
-    out = _empty((7,), p)
-    out[0] = K2*term_2
-    out[1] = term_4 + term_6
-    out[2] = d*term_4
-    out[3] = a**2*term_6 + term_2*(2*I_w*r_squared + inertia_platform*r_squared)
+    out = _zeros((7,), p)
+    out[0] = K2*term_1
+    out[1] = m_times_r_over_K1 + term_2
+    out[2] = d*m_times_r_over_K1
+    out[3] = a**2*term_2 + term_1*(2*I_w*r_squared + inertia_platform*r_squared)
     out[4] = K1_s_inverse*K2_s
     out[5] = I_w*K1_s_inverse
-    out[6] = I_w*term_3
+    out[6] = I_w*r_over_K1
     return out
 
 
@@ -1056,20 +906,11 @@ def output(q, c):
     c: known constants, (2,)
     Returns: shape (n-m,) = (3,); 15 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
-    beta1 = q[3]
-    beta2 = q[4]
-    a = c[0]
-    L = c[1]
-    cos_phi = cos(phi)
-    cos_beta1_phi = cos(beta1 + phi)
-    sin_phi = sin(phi)
-    sin_beta1_phi = sin(beta1 + phi)
-    out = _empty((3,), q, c)
-    out[0] = L*cos_beta1_phi + a*cos_phi + x
-    out[1] = L*sin_beta1_phi + a*sin_phi + y
+    x, y, phi, beta1, beta2 = q[0], q[1], q[2], q[3], q[4]
+    a, L = c[0], c[1]
+    out = _zeros((3,), q, c)
+    out[0] = L*cos(beta1 + phi) + a*cos(phi) + x
+    out[1] = L*sin(beta1 + phi) + a*sin(phi) + y
     out[2] = beta2 + phi
     return out
 
@@ -1082,25 +923,16 @@ def output_jacobian(q, c):
     c: known constants, (2,)
     Returns: shape (n-m, n) = (3, 5); 14 operations.
     """
-    phi = q[2]
-    beta1 = q[3]
-    a = c[0]
-    L = c[1]
-    sin_phi = sin(phi)
-    sin_beta1_phi = sin(beta1 + phi)
-    term_1 = L*sin_beta1_phi
-    cos_phi = cos(phi)
-    cos_beta1_phi = cos(beta1 + phi)
-    term_2 = L*cos_beta1_phi
+    phi, beta1 = q[2], q[3]
+    a, L = c[0], c[1]
+    term_1 = L*sin(beta1 + phi)
+    term_2 = L*cos(beta1 + phi)
     out = _zeros((3, 5), q, c)
-    out[0, 0] = 1
-    out[0, 2] = -a*sin_phi - term_1
+    out[0, 0] = out[1, 1] = out[2, 2] = out[2, 4] = 1
+    out[0, 2] = -a*sin(phi) - term_1
     out[0, 3] = -term_1
-    out[1, 1] = 1
-    out[1, 2] = a*cos_phi + term_2
+    out[1, 2] = a*cos(phi) + term_2
     out[1, 3] = term_2
-    out[2, 2] = 1
-    out[2, 4] = 1
     return out
 
 
@@ -1110,35 +942,23 @@ def output_rate(x, c):
 
     x: state [q; v], (8,)
     c: known constants, (2,)
-    Returns: shape (n-m,) = (3,); 43 operations.
+    Returns: shape (n-m,) = (3,); 42 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    front_forward = x[5]
-    beta1_rate = x[6]
-    beta2_rate = x[7]
-    a = c[0]
-    L = c[1]
+    phi, beta1, beta2, front_forward, beta1_rate, beta2_rate = x[2], x[3], x[4], x[5], x[6], x[7]
+    a, L = c[0], c[1]
     sin_phi = sin(phi)
-    sin_beta1_phi = sin(beta1 + phi)
-    term_1 = L*sin_beta1_phi
-    sin_beta1_minus_beta2 = sin(beta1 - beta2)
-    cos_beta2 = cos(beta2)
-    term_2 = 1/(2*cos_beta2)
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_2/a
+    y1_dot_beta1_rate = -L*sin(beta1 + phi)
+    term_1 = 1/(2*cos(beta2))
+    rear_turning_front_forward = sin(beta1 - beta2)*term_1/a
     cos_beta1 = cos(beta1)
     cos_phi = cos(phi)
-    sin_beta1_beta2 = sin(beta1 + beta2)
-    platform_lateral_front_forward = sin_beta1_beta2*term_2
+    platform_lateral_front_forward = sin(beta1 + beta2)*term_1
     x_dot_front_forward = cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi
-    y1_dot_front_forward = rear_turning_front_forward*(-a*sin_phi - term_1) + x_dot_front_forward
-    y1_dot_beta1_rate = -term_1
+    y1_dot_front_forward = rear_turning_front_forward*(-a*sin_phi + y1_dot_beta1_rate) + x_dot_front_forward
     y_dot_front_forward = cos_beta1*sin_phi + cos_phi*platform_lateral_front_forward
-    cos_beta1_phi = cos(beta1 + phi)
-    y2_dot_beta1_rate = L*cos_beta1_phi
+    y2_dot_beta1_rate = L*cos(beta1 + phi)
     y2_dot_front_forward = rear_turning_front_forward*(a*cos_phi + y2_dot_beta1_rate) + y_dot_front_forward
-    out = _empty((3,), x, c)
+    out = _zeros((3,), x, c)
     out[0] = beta1_rate*y1_dot_beta1_rate + front_forward*y1_dot_front_forward
     out[1] = beta1_rate*y2_dot_beta1_rate + front_forward*y2_dot_front_forward
     out[2] = beta2_rate + front_forward*rear_turning_front_forward
@@ -1147,26 +967,18 @@ def output_rate(x, c):
 
 @_function(x=8, c=2)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (8,)
     c: known constants, (2,)
     Returns: shape (n-m,) = (3,); 99 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    front_forward = x[5]
-    beta1_rate = x[6]
-    beta2_rate = x[7]
-    a = c[0]
-    L = c[1]
-    cos_beta1_phi = cos(beta1 + phi)
-    term_1 = L*cos_beta1_phi
+    phi, beta1, beta2, front_forward, beta1_rate, beta2_rate = x[2], x[3], x[4], x[5], x[6], x[7]
+    a, L = c[0], c[1]
+    term_1 = L*cos(beta1 + phi)
     term_2 = beta1_rate*term_1
     sin_phi = sin(phi)
-    sin_beta1_phi = sin(beta1 + phi)
-    term_3 = L*sin_beta1_phi
+    term_3 = L*sin(beta1 + phi)
     term_4 = -a*sin_phi - term_3
     cos_phi = cos(phi)
     term_5 = a*cos_phi + term_1
@@ -1174,48 +986,45 @@ def lie_f2_h(x, c):
     cos_beta2 = cos(beta2)
     term_6 = 1/(2*cos_beta2)
     a_inverse = 1/a
-    term_8 = a_inverse*term_6
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_8
-    term_9 = front_forward*rear_turning_front_forward**2
+    term_7 = a_inverse*term_6
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_7
+    term_8 = front_forward*rear_turning_front_forward**2
     sin_beta2 = sin(beta2)
-    term_10 = 1/(cos_beta2**2)
-    cos_beta1_minus_beta2 = cos(beta1 - beta2)
-    term_11 = cos_beta1_minus_beta2*term_8
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
+    term_9 = cos(beta1 - beta2)*term_7
     rear_turning_front_forward_dot = (
-            beta1_rate*term_11 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*term_10/2 - term_11)
-        )
+        beta1_rate*term_9 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_9)
+    )
     cos_beta1 = cos(beta1)
-    sin_beta1 = sin(beta1)
-    term_12 = beta1_rate*sin_beta1
+    term_10 = beta1_rate*sin(beta1)
     sin_beta1_beta2 = sin(beta1 + beta2)
     platform_lateral_front_forward = sin_beta1_beta2*term_6
-    cos_beta1_beta2 = cos(beta1 + beta2)
-    term_13 = cos_beta1_beta2*term_6
+    term_11 = cos(beta1 + beta2)*term_6
     platform_lateral_front_forward_dot = (
-            beta1_rate*term_13 + beta2_rate*(sin_beta1_beta2*sin_beta2*term_10/2 + term_13)
-        )
+        beta1_rate*term_11 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_11)
+    )
     x_dot_front_forward_dot = (
-            -cos_phi*term_12
-            + front_forward*rear_turning_front_forward*(-cos_beta1*sin_phi - cos_phi*platform_lateral_front_forward)
-            - platform_lateral_front_forward_dot*sin_phi
-        )
+        -cos_phi*term_10
+        + front_forward*rear_turning_front_forward*(-cos_beta1*sin_phi - cos_phi*platform_lateral_front_forward)
+        - platform_lateral_front_forward_dot*sin_phi
+    )
     y1_dot_front_forward_dot = (
-            -rear_turning_front_forward*term_2 + rear_turning_front_forward_dot*term_4 - term_5*term_9
-            + x_dot_front_forward_dot
-        )
-    term_14 = front_forward*rear_turning_front_forward
-    y1_dot_beta1_rate_dot = -term_1*term_14 - term_2
-    term_15 = beta1_rate*term_3
+        -rear_turning_front_forward*term_2 + rear_turning_front_forward_dot*term_4 - term_5*term_8
+        + x_dot_front_forward_dot
+    )
+    term_12 = front_forward*rear_turning_front_forward
+    y1_dot_beta1_rate_dot = -term_1*term_12 - term_2
+    term_13 = beta1_rate*term_3
     y_dot_front_forward_dot = (
-            cos_phi*platform_lateral_front_forward_dot - sin_phi*term_12
-            + term_14*(cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi)
-        )
+        cos_phi*platform_lateral_front_forward_dot - sin_phi*term_10
+        + term_12*(cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi)
+    )
     y2_dot_front_forward_dot = (
-            -rear_turning_front_forward*term_15 + rear_turning_front_forward_dot*term_5 + term_4*term_9
-            + y_dot_front_forward_dot
-        )
-    y2_dot_beta1_rate_dot = -term_14*term_3 - term_15
-    out = _empty((3,), x, c)
+        -rear_turning_front_forward*term_13 + rear_turning_front_forward_dot*term_5 + term_4*term_8
+        + y_dot_front_forward_dot
+    )
+    y2_dot_beta1_rate_dot = -term_12*term_3 - term_13
+    out = _zeros((3,), x, c)
     out[0] = beta1_rate*y1_dot_beta1_rate_dot + front_forward*y1_dot_front_forward_dot
     out[1] = beta1_rate*y2_dot_beta1_rate_dot + front_forward*y2_dot_front_forward_dot
     out[2] = front_forward*rear_turning_front_forward_dot
@@ -1224,99 +1033,82 @@ def lie_f2_h(x, c):
 
 @_function(x=8, theta=7, c=2)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (8,)
     theta: base parameters, (7,)
     c: known constants, (2,)
-    Returns: shape (n-m,) = (3,); 138 operations.
+    Returns: shape (n-m,) = (3,); 137 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    front_forward = x[5]
-    beta1_rate = x[6]
-    beta2_rate = x[7]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    a = c[0]
-    L = c[1]
+    phi, beta1, beta2, front_forward, beta1_rate, beta2_rate = x[2], x[3], x[4], x[5], x[6], x[7]
+    theta1, theta2, theta3, theta4, theta5, theta6, theta7 = (
+        theta[0], theta[1], theta[2], theta[3], theta[4], theta[5], theta[6]
+    )
+    a, L = c[0], c[1]
     theta6_squared = theta6**2
     sin_beta1_minus_beta2 = sin(beta1 - beta2)
     cos_beta2 = cos(beta2)
-    term_2 = 1/(2*cos_beta2)
+    term_1 = 1/(2*cos_beta2)
     a_inverse = 1/a
-    term_4 = a_inverse*term_2
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_4
+    term_2 = a_inverse*term_1
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_2
     rear_turning_front_forward_squared = rear_turning_front_forward**2
-    term_6 = rear_turning_front_forward_squared*theta7
+    term_3 = rear_turning_front_forward_squared*theta7
     cos_beta1 = cos(beta1)
     sin_beta1_beta2 = sin(beta1 + beta2)
-    platform_lateral_front_forward = sin_beta1_beta2*term_2
+    platform_lateral_front_forward = sin_beta1_beta2*term_1
     u_drive_per_front_forward = (
-            2*platform_lateral_front_forward*rear_turning_front_forward*theta3
-            + rear_turning_front_forward_squared*theta4 + theta2*(cos_beta1**2 + platform_lateral_front_forward**2)
-        )
-    effort_determinant = -2*term_6*theta6_squared + theta6_squared*u_drive_per_front_forward
+        2*platform_lateral_front_forward*rear_turning_front_forward*theta3 + rear_turning_front_forward_squared*theta4
+        + theta2*(cos_beta1**2 + platform_lateral_front_forward**2)
+    )
+    effort_determinant = -2*term_3*theta6_squared + theta6_squared*u_drive_per_front_forward
     effort_determinant_inverse = 1/effort_determinant
     sin_beta2 = sin(beta2)
-    term_8 = 1/(cos_beta2**2)
-    cos_beta1_minus_beta2 = cos(beta1 - beta2)
-    term_9 = cos_beta1_minus_beta2*term_4
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
+    term_4 = cos(beta1 - beta2)*term_2
     rear_turning_front_forward_dot = (
-            beta1_rate*term_9 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*term_8/2 - term_9)
-        )
-    term_10 = front_forward*rear_turning_front_forward_dot*theta6
-    u_front_hold = beta1_rate*theta5 + term_10
-    term_11 = effort_determinant_inverse*u_front_hold
-    term_12 = rear_turning_front_forward*theta6*theta7
-    u_rear_hold = beta2_rate*theta5 + term_10
-    term_13 = effort_determinant_inverse*u_rear_hold
-    sin_beta1 = sin(beta1)
-    term_14 = front_forward*rear_turning_front_forward
-    cos_beta1_beta2 = cos(beta1 + beta2)
-    term_15 = cos_beta1_beta2*term_2
+        beta1_rate*term_4 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_4)
+    )
+    term_5 = front_forward*rear_turning_front_forward_dot*theta6
+    u_front_hold = beta1_rate*theta5 + term_5
+    term_6 = effort_determinant_inverse*u_front_hold
+    term_7 = rear_turning_front_forward*theta6*theta7
+    u_rear_hold = beta2_rate*theta5 + term_5
+    term_8 = effort_determinant_inverse*u_rear_hold
+    term_9 = front_forward*rear_turning_front_forward
+    term_10 = cos(beta1 + beta2)*term_1
     platform_lateral_front_forward_dot = (
-            beta1_rate*term_15 + beta2_rate*(sin_beta1_beta2*sin_beta2*term_8/2 + term_15)
-        )
+        beta1_rate*term_10 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_10)
+    )
     u_drive_hold = (
-            front_forward*theta1 + rear_turning_front_forward_dot*term_14*theta4
-            + theta2*(-beta1_rate*cos_beta1*front_forward*sin_beta1
-            + front_forward*platform_lateral_front_forward*platform_lateral_front_forward_dot)
-            + theta3*(front_forward*platform_lateral_front_forward*rear_turning_front_forward_dot
-            + platform_lateral_front_forward_dot*term_14)
-        )
-    term_16 = effort_determinant_inverse*theta6_squared*u_drive_hold
-    term_17 = term_11*term_12 + term_12*term_13 - term_16
-    term_18 = term_6*theta6
-    term_19 = effort_determinant_inverse*(-term_18 + theta6*u_drive_per_front_forward)
-    term_20 = (
-            effort_determinant_inverse*rear_turning_front_forward*theta6_squared*u_drive_hold - term_13*term_18
-            - term_19*u_front_hold
-        )
+        front_forward*theta1 + rear_turning_front_forward_dot*term_9*theta4
+        + theta2*(-beta1_rate*cos_beta1*front_forward*sin(beta1)
+        + front_forward*platform_lateral_front_forward*platform_lateral_front_forward_dot)
+        + theta3*(front_forward*platform_lateral_front_forward*rear_turning_front_forward_dot
+        + platform_lateral_front_forward_dot*term_9)
+    )
+    term_11 = effort_determinant_inverse*theta6_squared*u_drive_hold
+    term_12 = term_6*term_7 + term_7*term_8 - term_11
+    term_13 = term_3*theta6
+    term_14 = effort_determinant_inverse*(-term_13 + theta6*u_drive_per_front_forward)
+    term_15 = (
+        effort_determinant_inverse*rear_turning_front_forward*theta6_squared*u_drive_hold - term_8*term_13
+        - term_14*u_front_hold
+    )
     sin_phi = sin(phi)
-    sin_beta1_phi = sin(beta1 + phi)
-    term_21 = L*sin_beta1_phi
+    y1_dot_beta1_rate = -L*sin(beta1 + phi)
     cos_phi = cos(phi)
     x_dot_front_forward = cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi
-    y1_dot_front_forward = rear_turning_front_forward*(-a*sin_phi - term_21) + x_dot_front_forward
-    y1_dot_beta1_rate = -term_21
+    y1_dot_front_forward = rear_turning_front_forward*(-a*sin_phi + y1_dot_beta1_rate) + x_dot_front_forward
     y_dot_front_forward = cos_beta1*sin_phi + cos_phi*platform_lateral_front_forward
-    cos_beta1_phi = cos(beta1 + phi)
-    y2_dot_beta1_rate = L*cos_beta1_phi
+    y2_dot_beta1_rate = L*cos(beta1 + phi)
     y2_dot_front_forward = rear_turning_front_forward*(a*cos_phi + y2_dot_beta1_rate) + y_dot_front_forward
-    out = _empty((3,), x, theta, c)
-    out[0] = term_17*y1_dot_front_forward + term_20*y1_dot_beta1_rate
-    out[1] = term_17*y2_dot_front_forward + term_20*y2_dot_beta1_rate
+    out = _zeros((3,), x, theta, c)
+    out[0] = term_12*y1_dot_front_forward + term_15*y1_dot_beta1_rate
+    out[1] = term_12*y2_dot_front_forward + term_15*y2_dot_beta1_rate
     out[2] = (
-            rear_turning_front_forward*term_16 + rear_turning_front_forward*term_17 - term_11*term_18
-            - term_19*u_rear_hold
-        )
+        rear_turning_front_forward*term_11 + rear_turning_front_forward*term_12 - term_6*term_13 - term_14*u_rear_hold
+    )
     return out
 
 
@@ -1327,60 +1119,47 @@ def decoupling_matrix(x, theta, c):
     x: state [q; v], (8,)
     theta: base parameters, (7,)
     c: known constants, (2,)
-    Returns: shape (n-m, n_u) = (3, 3); 84 operations.
+    Returns: shape (n-m, n_u) = (3, 3); 83 operations.
     """
-    phi = x[2]
-    beta1 = x[3]
-    beta2 = x[4]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    a = c[0]
-    L = c[1]
+    phi, beta1, beta2 = x[2], x[3], x[4]
+    theta2, theta3, theta4, theta6, theta7 = theta[1], theta[2], theta[3], theta[5], theta[6]
+    a, L = c[0], c[1]
     theta6_squared = theta6**2
-    sin_beta1_minus_beta2 = sin(beta1 - beta2)
-    cos_beta2 = cos(beta2)
-    term_2 = 1/(2*cos_beta2)
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_2/a
+    term_1 = 1/(2*cos(beta2))
+    rear_turning_front_forward = sin(beta1 - beta2)*term_1/a
     rear_turning_front_forward_squared = rear_turning_front_forward**2
-    term_4 = rear_turning_front_forward_squared*theta7
+    term_2 = rear_turning_front_forward_squared*theta7
     cos_beta1 = cos(beta1)
-    sin_beta1_beta2 = sin(beta1 + beta2)
-    platform_lateral_front_forward = sin_beta1_beta2*term_2
+    platform_lateral_front_forward = sin(beta1 + beta2)*term_1
     u_drive_per_front_forward = (
-            2*platform_lateral_front_forward*rear_turning_front_forward*theta3
-            + rear_turning_front_forward_squared*theta4 + theta2*(cos_beta1**2 + platform_lateral_front_forward**2)
-        )
-    effort_determinant = -2*term_4*theta6_squared + theta6_squared*u_drive_per_front_forward
+        2*platform_lateral_front_forward*rear_turning_front_forward*theta3 + rear_turning_front_forward_squared*theta4
+        + theta2*(cos_beta1**2 + platform_lateral_front_forward**2)
+    )
+    effort_determinant = -2*term_2*theta6_squared + theta6_squared*u_drive_per_front_forward
     effort_determinant_inverse = 1/effort_determinant
-    term_6 = effort_determinant_inverse*rear_turning_front_forward*theta6_squared
+    term_3 = effort_determinant_inverse*rear_turning_front_forward*theta6_squared
     sin_phi = sin(phi)
-    sin_beta1_phi = sin(beta1 + phi)
-    term_7 = L*sin_beta1_phi
+    y1_dot_beta1_rate = -L*sin(beta1 + phi)
     cos_phi = cos(phi)
     x_dot_front_forward = cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi
-    y1_dot_front_forward = rear_turning_front_forward*(-a*sin_phi - term_7) + x_dot_front_forward
-    y1_dot_beta1_rate = -term_7
-    term_8 = effort_determinant_inverse*rear_turning_front_forward*theta6*theta7
-    term_9 = term_8*y1_dot_front_forward
-    term_10 = term_4*theta6
-    term_11 = -term_10 + theta6*u_drive_per_front_forward
-    term_12 = effort_determinant_inverse*term_10
+    y1_dot_front_forward = rear_turning_front_forward*(-a*sin_phi + y1_dot_beta1_rate) + x_dot_front_forward
+    term_4 = effort_determinant_inverse*rear_turning_front_forward*theta6*theta7
+    term_5 = term_4*y1_dot_front_forward
+    term_6 = term_2*theta6
+    term_7 = -term_6 + theta6*u_drive_per_front_forward
+    term_8 = effort_determinant_inverse*term_6
     y_dot_front_forward = cos_beta1*sin_phi + cos_phi*platform_lateral_front_forward
-    cos_beta1_phi = cos(beta1 + phi)
-    y2_dot_beta1_rate = L*cos_beta1_phi
+    y2_dot_beta1_rate = L*cos(beta1 + phi)
     y2_dot_front_forward = rear_turning_front_forward*(a*cos_phi + y2_dot_beta1_rate) + y_dot_front_forward
-    term_13 = term_8*y2_dot_front_forward
+    term_9 = term_4*y2_dot_front_forward
     out = _zeros((3, 3), x, theta, c)
-    out[0, 0] = effort_determinant_inverse*theta6_squared*y1_dot_front_forward - term_6*y1_dot_beta1_rate
-    out[0, 1] = effort_determinant_inverse*term_11*y1_dot_beta1_rate - term_9
-    out[0, 2] = term_12*y1_dot_beta1_rate - term_9
-    out[1, 0] = effort_determinant_inverse*theta6_squared*y2_dot_front_forward - term_6*y2_dot_beta1_rate
-    out[1, 1] = effort_determinant_inverse*term_11*y2_dot_beta1_rate - term_13
-    out[1, 2] = term_12*y2_dot_beta1_rate - term_13
-    out[2, 2] = effort_determinant_inverse*term_11 - term_12
+    out[0, 0] = effort_determinant_inverse*theta6_squared*y1_dot_front_forward - term_3*y1_dot_beta1_rate
+    out[0, 1] = effort_determinant_inverse*term_7*y1_dot_beta1_rate - term_5
+    out[0, 2] = term_8*y1_dot_beta1_rate - term_5
+    out[1, 0] = effort_determinant_inverse*theta6_squared*y2_dot_front_forward - term_3*y2_dot_beta1_rate
+    out[1, 1] = effort_determinant_inverse*term_7*y2_dot_beta1_rate - term_9
+    out[1, 2] = term_8*y2_dot_beta1_rate - term_9
+    out[2, 2] = effort_determinant_inverse*term_7 - term_8
     return out
 
 
@@ -1393,57 +1172,48 @@ def inverse_regressor(x, a, c):
     c: known constants, (2,)
     Returns: shape (n_u, n_pi) = (3, 7); 66 operations.
     """
-    beta1 = x[3]
-    beta2 = x[4]
-    front_forward = x[5]
-    beta1_rate = x[6]
-    beta2_rate = x[7]
-    a_front_forward = a[0]
-    a_beta1_rate = a[1]
-    a_beta2_rate = a[2]
+    beta1, beta2, front_forward, beta1_rate, beta2_rate = x[3], x[4], x[5], x[6], x[7]
+    a_front_forward, a_beta1_rate, a_beta2_rate = a[0], a[1], a[2]
     a_ = c[0]
-    sin_beta1 = sin(beta1)
     cos_beta1 = cos(beta1)
     sin_beta2 = sin(beta2)
     sin_beta1_beta2 = sin(beta1 + beta2)
-    cos_beta1_beta2 = cos(beta1 + beta2)
     cos_beta2 = cos(beta2)
     term_1 = 1/(2*cos_beta2)
-    term_2 = cos_beta1_beta2*term_1
-    term_3 = 1/(cos_beta2**2)
+    term_2 = cos(beta1 + beta2)*term_1
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
     platform_lateral_front_forward_dot = (
-            beta1_rate*term_2 + beta2_rate*(sin_beta1_beta2*sin_beta2*term_3/2 + term_2)
-        )
-    term_4 = front_forward*platform_lateral_front_forward_dot
+        beta1_rate*term_2 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_2)
+    )
+    term_3 = front_forward*platform_lateral_front_forward_dot
     platform_lateral_front_forward = sin_beta1_beta2*term_1
     sin_beta1_minus_beta2 = sin(beta1 - beta2)
     a_inverse = 1/a_
-    cos_beta1_minus_beta2 = cos(beta1 - beta2)
-    term_6 = a_inverse*term_1
-    term_7 = cos_beta1_minus_beta2*term_6
+    term_4 = a_inverse*term_1
+    term_5 = cos(beta1 - beta2)*term_4
     rear_turning_front_forward_dot = (
-            beta1_rate*term_7 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*term_3/2 - term_7)
-        )
-    term_8 = front_forward*rear_turning_front_forward_dot
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_6
-    term_9 = a_front_forward*rear_turning_front_forward
-    term_10 = term_8 + term_9
+        beta1_rate*term_5 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_5)
+    )
+    term_6 = front_forward*rear_turning_front_forward_dot
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_4
+    term_7 = a_front_forward*rear_turning_front_forward
+    term_8 = term_6 + term_7
     out = _zeros((3, 7), x, a, c)
     out[0, 0] = front_forward
     out[0, 1] = (
-            a_front_forward*(cos_beta1**2 + platform_lateral_front_forward**2)
-            - beta1_rate*cos_beta1*front_forward*sin_beta1 + platform_lateral_front_forward*term_4
-        )
+        a_front_forward*(cos_beta1**2 + platform_lateral_front_forward**2)
+        - beta1_rate*cos_beta1*front_forward*sin(beta1) + platform_lateral_front_forward*term_3
+    )
     out[0, 2] = (
-            platform_lateral_front_forward*term_8 + 2*platform_lateral_front_forward*term_9
-            + rear_turning_front_forward*term_4
-        )
-    out[0, 3] = a_front_forward*rear_turning_front_forward**2 + rear_turning_front_forward*term_8
+        platform_lateral_front_forward*term_6 + 2*platform_lateral_front_forward*term_7
+        + rear_turning_front_forward*term_3
+    )
+    out[0, 3] = a_front_forward*rear_turning_front_forward**2 + rear_turning_front_forward*term_6
     out[0, 6] = a_beta1_rate*rear_turning_front_forward + a_beta2_rate*rear_turning_front_forward
     out[1, 4] = beta1_rate
-    out[1, 5] = a_beta1_rate + term_10
+    out[1, 5] = a_beta1_rate + term_8
     out[2, 4] = beta2_rate
-    out[2, 5] = a_beta2_rate + term_10
+    out[2, 5] = a_beta2_rate + term_8
     return out
 
 
@@ -1454,32 +1224,23 @@ def inverse_base_parameters(p):
     p: physical parameters, (13,)
     Returns: shape (n_pi,) = (7,); 27 operations.
     """
-    r = p[0]
-    a = p[1]
-    d = p[2]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K2 = p[10]
-    K1_s = p[11]
-    K2_s = p[12]
+    r, a, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse/r
-    term_3 = K1_inverse*r
-    term_4 = m*term_3
+    term_1 = K1_inverse/r
+    r_over_K1 = K1_inverse*r
+    m_times_r_over_K1 = m*r_over_K1
     r_squared = r**2
-    term_6 = 2*term_2*(J + m_w*r_squared)
+    term_2 = 2*term_1*(J + m_w*r_squared)
     inertia_platform = I + d**2*m
     K1_s_inverse = 1/K1_s
-    out = _empty((7,), p)
-    out[0] = K2*term_2
-    out[1] = term_4 + term_6
-    out[2] = d*term_4
-    out[3] = a**2*term_6 + term_2*(2*I_w*r_squared + inertia_platform*r_squared)
+    out = _zeros((7,), p)
+    out[0] = K2*term_1
+    out[1] = m_times_r_over_K1 + term_2
+    out[2] = d*m_times_r_over_K1
+    out[3] = a**2*term_2 + term_1*(2*I_w*r_squared + inertia_platform*r_squared)
     out[4] = K1_s_inverse*K2_s
     out[5] = I_w*K1_s_inverse
-    out[6] = I_w*term_3
+    out[6] = I_w*r_over_K1
     return out

@@ -23,21 +23,9 @@ from casadi import SX, Function, cos, sin
 # Names in order, with units.
 NAME = "type_2_0"
 PARAMETRIZATION = "forward"
-STATE = {
-    "x": "m",
-    "y": "m",
-    "phi": "rad",
-    "v": "m/s",
-    "omega": "rad/s",
-}
-INPUTS = {
-    "u_r": "V",
-    "u_l": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-}
+STATE = {"x": "m", "y": "m", "phi": "rad", "v": "m/s", "omega": "rad/s"}
+INPUTS = {"u_r": "V", "u_l": "V"}
+OUTPUTS = {"y1": "m", "y2": "m"}
 PARAMETERS = {
     "r": "m",
     "b": "m",
@@ -62,9 +50,7 @@ DEFAULTS = {
     "K1": 7.2,
     "K2": 2.59,
 }
-KNOWN = {
-    "L": "m",
-}
+KNOWN = {"L": "m"}
 BASE_PARAMETERS = {
     "theta1": "1/s",
     "theta2": "m",
@@ -114,9 +100,6 @@ def _zeros(shape, *arguments):
     return SX.zeros(*shape)
 
 
-_empty = _zeros
-
-
 @_function(q=3, p=10)
 def constraint_matrix(q, p):
     """A(q): A(q) q' = 0; equation (2).
@@ -126,28 +109,24 @@ def constraint_matrix(q, p):
     Returns: shape (m, n) = (1, 3); 3 operations.
     """
     phi = q[2]
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
     out = _zeros((1, 3), q, p)
-    out[0, 0] = -sin_phi
-    out[0, 1] = cos_phi
+    out[0, 0] = -sin(phi)
+    out[0, 1] = cos(phi)
     return out
 
 
 @_function(q=3, p=10)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (3,)
     p: physical parameters, (10,)
     Returns: shape (n, n-m) = (3, 2); 2 operations.
     """
     phi = q[2]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
     out = _zeros((3, 2), q, p)
-    out[0, 0] = cos_phi
-    out[1, 0] = sin_phi
+    out[0, 0] = cos(phi)
+    out[1, 0] = sin(phi)
     out[2, 1] = 1
     return out
 
@@ -160,15 +139,13 @@ def actuator_rates_matrix(q, p):
     p: physical parameters, (10,)
     Returns: shape (n_u, n-m) = (2, 2); 3 operations.
     """
-    r = p[0]
-    b = p[1]
+    r, b = p[0], p[1]
     r_inverse = 1/r
-    term_2 = b*r_inverse
-    out = _empty((2, 2), q, p)
-    out[0, 0] = r_inverse
-    out[0, 1] = term_2
-    out[1, 0] = r_inverse
-    out[1, 1] = -term_2
+    b_over_r = b*r_inverse
+    out = _zeros((2, 2), q, p)
+    out[0, 0] = out[1, 0] = r_inverse
+    out[0, 1] = b_over_r
+    out[1, 1] = -b_over_r
     return out
 
 
@@ -180,18 +157,11 @@ def inertia_matrix(q, p):
     p: physical parameters, (10,)
     Returns: shape (n-m, n-m) = (2, 2); 10 operations.
     """
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
+    b, d, m_C, m_w, I_m, I_C = p[1], p[2], p[4], p[5], p[6], p[7]
     term_1 = 2*m_w
-    mass_platform = m_C + term_1
-    inertia_platform = I_C + 2*I_m + b**2*term_1 + d**2*m_C
     out = _zeros((2, 2), q, p)
-    out[0, 0] = mass_platform
-    out[1, 1] = inertia_platform
+    out[0, 0] = m_C + term_1
+    out[1, 1] = I_C + 2*I_m + b**2*term_1 + d**2*m_C
     return out
 
 
@@ -204,20 +174,14 @@ def coriolis_matrix(x, p):
     Returns: shape (n-m, n-m) = (2, 2); 8 operations.
     """
     omega = x[4]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    K2 = p[9]
+    r, b, d, m_C, K2 = p[0], p[1], p[2], p[4], p[9]
     coriolis_v_v = 2*K2/r**2
     coriolis_omega_v = d*m_C*omega
-    coriolis_v_omega = -coriolis_omega_v
-    coriolis_omega_omega = b**2*coriolis_v_v
-    out = _empty((2, 2), x, p)
+    out = _zeros((2, 2), x, p)
     out[0, 0] = coriolis_v_v
-    out[0, 1] = coriolis_v_omega
+    out[0, 1] = -coriolis_omega_v
     out[1, 0] = coriolis_omega_v
-    out[1, 1] = coriolis_omega_omega
+    out[1, 1] = b**2*coriolis_v_v
     return out
 
 
@@ -229,16 +193,13 @@ def input_matrix(q, p):
     p: physical parameters, (10,)
     Returns: shape (n-m, n_u) = (2, 2); 3 operations.
     """
-    r = p[0]
-    b = p[1]
-    K1 = p[8]
-    term_1 = K1/r
-    term_2 = b*term_1
-    out = _empty((2, 2), q, p)
-    out[0, 0] = term_1
-    out[0, 1] = term_1
-    out[1, 0] = term_2
-    out[1, 1] = -term_2
+    r, b, K1 = p[0], p[1], p[8]
+    K1_over_r = K1/r
+    b_times_K1_over_r = b*K1_over_r
+    out = _zeros((2, 2), q, p)
+    out[0, 0] = out[0, 1] = K1_over_r
+    out[1, 0] = b_times_K1_over_r
+    out[1, 1] = -b_times_K1_over_r
     return out
 
 
@@ -250,106 +211,73 @@ def state_derivative(x, u, w, p):
     u: motor voltages, (2,)
     w: generalized forces on v, Fbar + taubar_d, (2,)
     p: physical parameters, (10,)
-    Returns: shape (2n-m,) = (5,); 46 operations.
+    Returns: shape (2n-m,) = (5,); 45 operations.
     """
-    phi = x[2]
-    v = x[3]
-    omega = x[4]
-    u_r = u[0]
-    u_l = u[1]
-    w_v = w[0]
-    w_omega = w[1]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    K1 = p[8]
-    K2 = p[9]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
+    phi, v, omega = x[2], x[3], x[4]
+    u_r, u_l = u[0], u[1]
+    w_v, w_omega = w[0], w[1]
+    r, b, d, m_C, m_w, I_m, I_C, K1, K2 = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9]
     term_1 = 2*m_w
     mass_platform = m_C + term_1
     r_inverse = 1/r
     coriolis_v_v = 2*K2/r**2
     coriolis_omega_v = d*m_C*omega
-    coriolis_v_omega = -coriolis_omega_v
-    force_v = K1*r_inverse*u_l + K1*r_inverse*u_r - coriolis_v_omega*omega - coriolis_v_v*v - w_v
-    v_dot = force_v/mass_platform
+    force_v = K1*r_inverse*u_l + K1*r_inverse*u_r + coriolis_omega_v*omega - coriolis_v_v*v - w_v
     b_squared = b**2
     inertia_platform = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
     coriolis_omega_omega = b_squared*coriolis_v_v
-    force_omega = (
-            -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v - w_omega
-        )
-    omega_dot = force_omega/inertia_platform
-    out = _empty((5,), x, u, w, p)
-    out[0] = cos_phi*v
-    out[1] = sin_phi*v
+    force_omega = -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v - w_omega
+    out = _zeros((5,), x, u, w, p)
+    out[0] = cos(phi)*v
+    out[1] = sin(phi)*v
     out[2] = omega
-    out[3] = v_dot
-    out[4] = omega_dot
+    out[3] = force_v/mass_platform
+    out[4] = force_omega/inertia_platform
     return out
 
 
 @_function(x=5, u=2, w=2, p=10)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (5,)
     u: motor voltages, (2,)
     w: generalized forces on v, Fbar + taubar_d, (2,)
     p: physical parameters, (10,)
-    Returns: shape (2n-m, 2n-m) = (5, 5); 35 operations.
+    Returns: shape (2n-m, 2n-m) = (5, 5); 33 operations.
     """
-    phi = x[2]
-    v = x[3]
-    omega = x[4]
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    K2 = p[9]
+    phi, v, omega = x[2], x[3], x[4]
+    r, b, d, m_C, m_w, I_m, I_C, K2 = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[9]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     term_1 = 2*m_w
     mass_platform = m_C + term_1
     mass_platform_inverse = 1/mass_platform
     coriolis_v_v = 2*K2/r**2
-    v_dot_by_v = -coriolis_v_v*mass_platform_inverse
-    term_3 = d*m_C
-    coriolis_omega_v = omega*term_3
-    coriolis_v_omega = -coriolis_omega_v
-    force_v_by_omega = -2*coriolis_v_omega
-    v_dot_by_omega = force_v_by_omega*mass_platform_inverse
+    d_times_m_C = d*m_C
+    coriolis_omega_v = omega*d_times_m_C
+    force_v_by_omega = 2*coriolis_omega_v
     b_squared = b**2
     inertia_platform = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
     inertia_platform_inverse = 1/inertia_platform
-    omega_dot_by_v = -coriolis_omega_v*inertia_platform_inverse
     coriolis_omega_omega = b_squared*coriolis_v_v
-    force_omega_by_omega = -coriolis_omega_omega - term_3*v
-    omega_dot_by_omega = force_omega_by_omega*inertia_platform_inverse
+    force_omega_by_omega = -coriolis_omega_omega - d_times_m_C*v
     out = _zeros((5, 5), x, u, w, p)
     out[0, 2] = -sin_phi*v
     out[0, 3] = cos_phi
     out[1, 2] = cos_phi*v
     out[1, 3] = sin_phi
     out[2, 4] = 1
-    out[3, 3] = v_dot_by_v
-    out[3, 4] = v_dot_by_omega
-    out[4, 3] = omega_dot_by_v
-    out[4, 4] = omega_dot_by_omega
+    out[3, 3] = -coriolis_v_v*mass_platform_inverse
+    out[3, 4] = force_v_by_omega*mass_platform_inverse
+    out[4, 3] = -coriolis_omega_v*inertia_platform_inverse
+    out[4, 4] = force_omega_by_omega*inertia_platform_inverse
     return out
 
 
 @_function(x=5, u=2, w=2, p=10)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (5,)
     u: motor voltages, (2,)
@@ -357,24 +285,15 @@ def input_jacobian(x, u, w, p):
     p: physical parameters, (10,)
     Returns: shape (2n-m, n_u) = (5, 2); 15 operations.
     """
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    K1 = p[8]
+    r, b, d, m_C, m_w, I_m, I_C, K1 = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8]
     term_1 = 2*m_w
     mass_platform = m_C + term_1
     force_v_by_u_r = K1/r
-    v_dot_by_u_r = force_v_by_u_r/mass_platform
     inertia_platform = I_C + 2*I_m + b**2*term_1 + d**2*m_C
     force_omega_by_u_r = b*force_v_by_u_r
     omega_dot_by_u_r = force_omega_by_u_r/inertia_platform
     out = _zeros((5, 2), x, u, w, p)
-    out[3, 0] = v_dot_by_u_r
-    out[3, 1] = v_dot_by_u_r
+    out[3, 0] = out[3, 1] = force_v_by_u_r/mass_platform
     out[4, 0] = omega_dot_by_u_r
     out[4, 1] = -omega_dot_by_u_r
     return out
@@ -382,37 +301,29 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=10)
 def base_parameters(p):
-    """theta(p), forward form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (10,)
     Returns: shape (n_theta,) = (6,); 25 operations.
     """
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    K1 = p[8]
-    K2 = p[9]
+    r, b, d, m_C, m_w, I_m, I_C, K1, K2 = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9]
     term_1 = 2*m_w
     mass_platform = m_C + term_1
     mass_platform_inverse = 1/mass_platform
     coriolis_v_v = 2*K2/r**2
-    term_3 = d*m_C
+    d_times_m_C = d*m_C
     b_squared = b**2
     inertia_platform = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
     inertia_platform_inverse = 1/inertia_platform
     coriolis_omega_omega = b_squared*coriolis_v_v
-    term_6 = K1/r
-    out = _empty((6,), p)
+    K1_over_r = K1/r
+    out = _zeros((6,), p)
     out[0] = coriolis_v_v*mass_platform_inverse
-    out[1] = mass_platform_inverse*term_3
+    out[1] = mass_platform_inverse*d_times_m_C
     out[2] = coriolis_omega_omega*inertia_platform_inverse
-    out[3] = inertia_platform_inverse*term_3
-    out[4] = mass_platform_inverse*term_6
-    out[5] = b*inertia_platform_inverse*term_6
+    out[3] = inertia_platform_inverse*d_times_m_C
+    out[4] = mass_platform_inverse*K1_over_r
+    out[5] = b*inertia_platform_inverse*K1_over_r
     return out
 
 
@@ -424,15 +335,11 @@ def output(q, c):
     c: known constants, (1,)
     Returns: shape (n-m,) = (2,); 6 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
+    x, y, phi = q[0], q[1], q[2]
     L = c[0]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
-    out = _empty((2,), q, c)
-    out[0] = L*cos_phi + x
-    out[1] = L*sin_phi + y
+    out = _zeros((2,), q, c)
+    out[0] = L*cos(phi) + x
+    out[1] = L*sin(phi) + y
     return out
 
 
@@ -446,13 +353,10 @@ def output_jacobian(q, c):
     """
     phi = q[2]
     L = c[0]
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
     out = _zeros((2, 3), q, c)
-    out[0, 0] = 1
-    out[0, 2] = -L*sin_phi
-    out[1, 1] = 1
-    out[1, 2] = L*cos_phi
+    out[0, 0] = out[1, 1] = 1
+    out[0, 2] = -L*sin(phi)
+    out[1, 2] = L*cos(phi)
     return out
 
 
@@ -464,65 +368,56 @@ def output_rate(x, c):
     c: known constants, (1,)
     Returns: shape (n-m,) = (2,); 9 operations.
     """
-    phi = x[2]
-    v = x[3]
-    omega = x[4]
+    phi, v, omega = x[2], x[3], x[4]
     L = c[0]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    term_1 = L*omega
-    out = _empty((2,), x, c)
-    out[0] = cos_phi*v - sin_phi*term_1
-    out[1] = cos_phi*term_1 + sin_phi*v
+    L_times_omega = L*omega
+    out = _zeros((2,), x, c)
+    out[0] = cos_phi*v - sin_phi*L_times_omega
+    out[1] = cos_phi*L_times_omega + sin_phi*v
     return out
 
 
 @_function(x=5, c=1)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (5,)
     c: known constants, (1,)
     Returns: shape (n-m,) = (2,); 13 operations.
     """
-    phi = x[2]
-    v = x[3]
-    omega = x[4]
+    phi, v, omega = x[2], x[3], x[4]
     L = c[0]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    term_1 = L*omega**2
-    out = _empty((2,), x, c)
-    out[0] = -cos_phi*term_1 - omega*sin_phi*v
-    out[1] = cos_phi*omega*v - sin_phi*term_1
+    L_times_omega_squared = L*omega**2
+    out = _zeros((2,), x, c)
+    out[0] = -cos_phi*L_times_omega_squared - omega*sin_phi*v
+    out[1] = cos_phi*omega*v - sin_phi*L_times_omega_squared
     return out
 
 
 @_function(x=5, theta=6, c=1)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (5,)
     theta: base parameters, (6,)
     c: known constants, (1,)
     Returns: shape (n-m,) = (2,); 18 operations.
     """
-    phi = x[2]
-    v = x[3]
-    omega = x[4]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
+    phi, v, omega = x[2], x[3], x[4]
+    theta1, theta2, theta3, theta4 = theta[0], theta[1], theta[2], theta[3]
     L = c[0]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     omega_drift = -omega*theta3 - omega*theta4*v
-    term_1 = L*omega_drift
+    L_times_omega_drift = L*omega_drift
     v_drift = omega**2*theta2 - theta1*v
-    out = _empty((2,), x, theta, c)
-    out[0] = cos_phi*v_drift - sin_phi*term_1
-    out[1] = cos_phi*term_1 + sin_phi*v_drift
+    out = _zeros((2,), x, theta, c)
+    out[0] = cos_phi*v_drift - sin_phi*L_times_omega_drift
+    out[1] = cos_phi*L_times_omega_drift + sin_phi*v_drift
     return out
 
 
@@ -536,60 +431,56 @@ def decoupling_matrix(x, theta, c):
     Returns: shape (n-m, n_u) = (2, 2); 13 operations.
     """
     phi = x[2]
-    theta5 = theta[4]
-    theta6 = theta[5]
+    theta5, theta6 = theta[4], theta[5]
     L = c[0]
     cos_phi = cos(phi)
     sin_phi = sin(phi)
-    term_1 = L*theta6
-    term_2 = sin_phi*term_1
-    term_3 = cos_phi*term_1
-    out = _empty((2, 2), x, theta, c)
-    out[0, 0] = cos_phi*theta5 - term_2
-    out[0, 1] = cos_phi*theta5 + term_2
-    out[1, 0] = sin_phi*theta5 + term_3
-    out[1, 1] = sin_phi*theta5 - term_3
+    L_times_theta6 = L*theta6
+    sin_phi_times_L_times_theta6 = sin_phi*L_times_theta6
+    cos_phi_times_L_times_theta6 = cos_phi*L_times_theta6
+    out = _zeros((2, 2), x, theta, c)
+    out[0, 0] = cos_phi*theta5 - sin_phi_times_L_times_theta6
+    out[0, 1] = cos_phi*theta5 + sin_phi_times_L_times_theta6
+    out[1, 0] = sin_phi*theta5 + cos_phi_times_L_times_theta6
+    out[1, 1] = sin_phi*theta5 - cos_phi_times_L_times_theta6
     return out
 
 
 @_function(x=5, u=2, c=1)
 def regressor(x, u, c):
-    """Y: y'' = L_f^2 h + Y theta; W of (89) is Y at the control; equation (31), (89).
+    """Y: y'' = L_f^2 h + Y theta; W of (89) is Y at the control; equations (31), (89).
 
     x: state [q; v], (5,)
     u: motor voltages, (2,)
     c: known constants, (1,)
     Returns: shape (n-m, n_theta) = (2, 6); 25 operations.
     """
-    phi = x[2]
-    v = x[3]
-    omega = x[4]
-    u_r = u[0]
-    u_l = u[1]
+    phi, v, omega = x[2], x[3], x[4]
+    u_r, u_l = u[0], u[1]
     L = c[0]
     cos_phi = cos(phi)
-    term_1 = cos_phi*v
+    cos_phi_times_v = cos_phi*v
     omega_squared = omega**2
     sin_phi = sin(phi)
-    term_3 = L*sin_phi
-    term_4 = sin_phi*v
-    term_5 = L*omega
-    term_6 = u_l + u_r
-    term_7 = -u_l + u_r
-    term_8 = L*cos_phi
-    out = _empty((2, 6), x, u, c)
-    out[0, 0] = -term_1
+    L_times_sin_phi = L*sin_phi
+    sin_phi_times_v = sin_phi*v
+    L_times_omega = L*omega
+    term_1 = u_l + u_r
+    term_2 = -u_l + u_r
+    L_times_cos_phi = L*cos_phi
+    out = _zeros((2, 6), x, u, c)
+    out[0, 0] = -cos_phi_times_v
     out[0, 1] = cos_phi*omega_squared
-    out[0, 2] = omega*term_3
-    out[0, 3] = term_4*term_5
-    out[0, 4] = cos_phi*term_6
-    out[0, 5] = -term_3*term_7
-    out[1, 0] = -term_4
+    out[0, 2] = omega*L_times_sin_phi
+    out[0, 3] = sin_phi_times_v*L_times_omega
+    out[0, 4] = cos_phi*term_1
+    out[0, 5] = -L_times_sin_phi*term_2
+    out[1, 0] = -sin_phi_times_v
     out[1, 1] = omega_squared*sin_phi
-    out[1, 2] = -omega*term_8
-    out[1, 3] = -term_1*term_5
-    out[1, 4] = sin_phi*term_6
-    out[1, 5] = term_7*term_8
+    out[1, 2] = -omega*L_times_cos_phi
+    out[1, 3] = -cos_phi_times_v*L_times_omega
+    out[1, 4] = sin_phi*term_1
+    out[1, 5] = term_2*L_times_cos_phi
     return out
 
 
@@ -602,24 +493,18 @@ def inverse_regressor(x, a, c):
     c: known constants, (1,)
     Returns: shape (n_u, n_pi) = (2, 6); 6 operations.
     """
-    v = x[3]
-    omega = x[4]
-    a_v = a[0]
-    a_omega = a[1]
-    term_1 = -omega**2
-    term_2 = omega*v
-    out = _empty((2, 6), x, a, c)
+    v, omega = x[3], x[4]
+    a_v, a_omega = a[0], a[1]
+    omega_times_v = omega*v
+    out = _zeros((2, 6), x, a, c)
     out[0, 0] = omega
-    out[0, 1] = v
-    out[0, 2] = term_1
-    out[0, 3] = term_2
-    out[0, 4] = a_v
+    out[0, 1] = out[1, 1] = v
+    out[0, 2] = out[1, 2] = -omega**2
+    out[0, 3] = omega_times_v
+    out[0, 4] = out[1, 4] = a_v
     out[0, 5] = a_omega
     out[1, 0] = -omega
-    out[1, 1] = v
-    out[1, 2] = term_1
-    out[1, 3] = -term_2
-    out[1, 4] = a_v
+    out[1, 3] = -omega_times_v
     out[1, 5] = -a_omega
     return out
 
@@ -631,29 +516,21 @@ def inverse_base_parameters(p):
     p: physical parameters, (10,)
     Returns: shape (n_pi,) = (6,); 24 operations.
     """
-    r = p[0]
-    b = p[1]
-    d = p[2]
-    m_C = p[4]
-    m_w = p[5]
-    I_m = p[6]
-    I_C = p[7]
-    K1 = p[8]
-    K2 = p[9]
+    r, b, d, m_C, m_w, I_m, I_C, K1, K2 = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9]
     term_1 = r/(2*K1)
     term_2 = term_1/b
     b_squared = b**2
     coriolis_v_v = 2*K2/r**2
     coriolis_omega_omega = b_squared*coriolis_v_v
-    term_4 = d*m_C
-    term_5 = 2*m_w
-    mass_platform = m_C + term_5
-    inertia_platform = I_C + 2*I_m + b_squared*term_5 + d**2*m_C
-    out = _empty((6,), p)
+    d_times_m_C = d*m_C
+    term_3 = 2*m_w
+    mass_platform = m_C + term_3
+    inertia_platform = I_C + 2*I_m + b_squared*term_3 + d**2*m_C
+    out = _zeros((6,), p)
     out[0] = coriolis_omega_omega*term_2
     out[1] = coriolis_v_v*term_1
-    out[2] = term_1*term_4
-    out[3] = term_2*term_4
+    out[2] = term_1*d_times_m_C
+    out[3] = term_2*d_times_m_C
     out[4] = mass_platform*term_1
     out[5] = inertia_platform*term_2
     return out

@@ -24,22 +24,9 @@ from casadi import SX, Function, cos, sin
 # Names in order, with units.
 NAME = "type_2_0_caster"
 PARAMETRIZATION = "inverse"
-STATE = {
-    "x": "m",
-    "y": "m",
-    "phi": "rad",
-    "beta": "rad",
-    "v": "m/s",
-    "omega": "rad/s",
-}
-INPUTS = {
-    "u_r": "V",
-    "u_l": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-}
+STATE = {"x": "m", "y": "m", "phi": "rad", "beta": "rad", "v": "m/s", "omega": "rad/s"}
+INPUTS = {"u_r": "V", "u_l": "V"}
+OUTPUTS = {"y1": "m", "y2": "m"}
 PARAMETERS = {
     "r": "m",
     "r_c": "m",
@@ -78,11 +65,7 @@ DEFAULTS = {
     "K1": 7.2,
     "K2": 2.59,
 }
-KNOWN = {
-    "s": "m",
-    "e": "m",
-    "L": "m",
-}
+KNOWN = {"s": "m", "e": "m", "L": "m"}
 BASE_PARAMETERS = {
     "theta1": "V s",
     "theta2": "V s/m",
@@ -148,9 +131,6 @@ def _zeros(shape, *arguments):
     return SX.zeros(*shape)
 
 
-_empty = _zeros
-
-
 @_function(q=4, p=17)
 def constraint_matrix(q, p):
     """A(q): A(q) q' = 0; equation (2).
@@ -159,52 +139,37 @@ def constraint_matrix(q, p):
     p: physical parameters, (17,)
     Returns: shape (m, n) = (2, 4); 12 operations.
     """
-    phi = q[2]
-    beta = q[3]
-    s = p[4]
-    e = p[5]
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
-    sin_beta_phi = sin(beta + phi)
-    cos_beta_phi = cos(beta + phi)
-    cos_beta = cos(beta)
+    phi, beta = q[2], q[3]
+    s, e = p[4], p[5]
     term_1 = -e
     out = _zeros((2, 4), q, p)
-    out[0, 0] = -sin_phi
-    out[0, 1] = cos_phi
-    out[1, 0] = -sin_beta_phi
-    out[1, 1] = cos_beta_phi
-    out[1, 2] = cos_beta*s + term_1
+    out[0, 0] = -sin(phi)
+    out[0, 1] = cos(phi)
+    out[1, 0] = -sin(beta + phi)
+    out[1, 1] = cos(beta + phi)
+    out[1, 2] = cos(beta)*s + term_1
     out[1, 3] = term_1
     return out
 
 
 @_function(q=4, p=17)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (4,)
     p: physical parameters, (17,)
     Returns: shape (n, n-m) = (4, 2); 10 operations.
     """
-    phi = q[2]
-    beta = q[3]
-    s = p[4]
-    e = p[5]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
-    sin_beta = sin(beta)
+    phi, beta = q[2], q[3]
+    s, e = p[4], p[5]
     e_inverse = 1/e
-    caster_turning_v = -e_inverse*sin_beta
-    cos_beta = cos(beta)
-    caster_turning_omega = cos_beta*e_inverse*s
-    beta_dot_omega = caster_turning_omega - 1
+    caster_turning_omega = cos(beta)*e_inverse*s
     out = _zeros((4, 2), q, p)
-    out[0, 0] = cos_phi
-    out[1, 0] = sin_phi
+    out[0, 0] = cos(phi)
+    out[1, 0] = sin(phi)
     out[2, 1] = 1
-    out[3, 0] = caster_turning_v
-    out[3, 1] = beta_dot_omega
+    out[3, 0] = -e_inverse*sin(beta)
+    out[3, 1] = caster_turning_omega - 1
     return out
 
 
@@ -216,15 +181,13 @@ def actuator_rates_matrix(q, p):
     p: physical parameters, (17,)
     Returns: shape (n_u, n-m) = (2, 2); 3 operations.
     """
-    r = p[0]
-    b = p[2]
+    r, b = p[0], p[2]
     r_inverse = 1/r
-    term_2 = b*r_inverse
-    out = _empty((2, 2), q, p)
-    out[0, 0] = r_inverse
-    out[0, 1] = term_2
-    out[1, 0] = r_inverse
-    out[1, 1] = -term_2
+    b_over_r = b*r_inverse
+    out = _zeros((2, 2), q, p)
+    out[0, 0] = out[1, 0] = r_inverse
+    out[0, 1] = b_over_r
+    out[1, 1] = -b_over_r
     return out
 
 
@@ -237,20 +200,9 @@ def inertia_matrix(q, p):
     Returns: shape (n-m, n-m) = (2, 2); 58 operations.
     """
     beta = q[3]
-    r = p[0]
-    r_c = p[1]
-    b = p[2]
-    d = p[3]
-    s = p[4]
-    e = p[5]
-    m_C = p[7]
-    m_w = p[8]
-    m_f = p[9]
-    I_C = p[10]
-    I_m = p[11]
-    I_f = p[12]
-    J_w = p[13]
-    J_f = p[14]
+    r, r_c, b, d, s, e, m_C, m_w, m_f, I_C, I_m, I_f, J_w, J_f = (
+        p[0], p[1], p[2], p[3], p[4], p[5], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14]
+    )
     cos_beta = cos(beta)
     term_1 = 2*J_w/r**2
     sin_beta = sin(beta)
@@ -258,26 +210,24 @@ def inertia_matrix(q, p):
     caster_turning_v = -e_inverse*sin_beta
     r_c_inverse = 1/r_c
     caster_wheel_rate_v = cos_beta*r_c_inverse
-    term_4 = 2*m_w
-    mass_platform = m_C + term_4
+    term_2 = 2*m_w
+    mass_platform = m_C + term_2
     inertia_v_v = I_f*caster_turning_v**2 + J_f*caster_wheel_rate_v**2 + cos_beta**2*m_f + mass_platform + term_1
-    sin_2_beta = sin(2*beta)
     caster_turning_omega = cos_beta*e_inverse*s
     caster_wheel_rate_omega = r_c_inverse*s*sin_beta
     inertia_v_omega = (
-            I_f*caster_turning_omega*caster_turning_v + J_f*caster_wheel_rate_omega*caster_wheel_rate_v
-            + m_f*s*sin_2_beta/2
-        )
+        I_f*caster_turning_omega*caster_turning_v + J_f*caster_wheel_rate_omega*caster_wheel_rate_v
+        + m_f*s*sin(2*beta)/2
+    )
     b_squared = b**2
-    inertia_platform = I_C + 2*I_m + b_squared*term_4 + d**2*m_C
+    inertia_platform = I_C + 2*I_m + b_squared*term_2 + d**2*m_C
     inertia_omega_omega = (
-            I_f*caster_turning_omega**2 + J_f*caster_wheel_rate_omega**2 + b_squared*term_1 + inertia_platform
-            + m_f*s**2*sin_beta**2
-        )
-    out = _empty((2, 2), q, p)
+        I_f*caster_turning_omega**2 + J_f*caster_wheel_rate_omega**2 + b_squared*term_1 + inertia_platform
+        + m_f*s**2*sin_beta**2
+    )
+    out = _zeros((2, 2), q, p)
     out[0, 0] = inertia_v_v
-    out[0, 1] = inertia_v_omega
-    out[1, 0] = inertia_v_omega
+    out[0, 1] = out[1, 0] = inertia_v_omega
     out[1, 1] = inertia_omega_omega
     return out
 
@@ -288,59 +238,52 @@ def coriolis_matrix(x, p):
 
     x: state [q; v], (6,)
     p: physical parameters, (17,)
-    Returns: shape (n-m, n-m) = (2, 2); 64 operations.
+    Returns: shape (n-m, n-m) = (2, 2); 63 operations.
     """
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    r = p[0]
-    r_c = p[1]
-    b = p[2]
-    d = p[3]
-    s = p[4]
-    e = p[5]
-    m_C = p[7]
-    m_f = p[9]
-    I_f = p[12]
-    J_f = p[14]
-    K2 = p[16]
+    beta, v, omega = x[3], x[4], x[5]
+    r, r_c, b, d, s, e, m_C, m_f, I_f, J_f, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[7], p[9], p[12], p[14], p[16]
     sin_beta = sin(beta)
     e_inverse = 1/e
-    term_2 = e_inverse*sin_beta
-    caster_turning_v = -term_2
-    term_3 = I_f*caster_turning_v
+    caster_turning_v = -e_inverse*sin_beta
+    I_f_times_caster_turning_v = I_f*caster_turning_v
     cos_beta = cos(beta)
     r_c_inverse = 1/r_c
     caster_wheel_rate_v = cos_beta*r_c_inverse
-    term_5 = J_f*caster_wheel_rate_v
-    term_6 = 2*K2/r**2
-    term_7 = cos_beta*e_inverse
-    caster_turning_omega = s*term_7
+    J_f_times_caster_wheel_rate_v = J_f*caster_wheel_rate_v
+    term_1 = 2*K2/r**2
+    cos_beta_over_e = cos_beta*e_inverse
+    caster_turning_omega = s*cos_beta_over_e
     beta_dot_omega = caster_turning_omega - 1
     beta_dot = beta_dot_omega*omega + caster_turning_v*v
-    term_8 = beta_dot*cos_beta*m_f*sin_beta
-    caster_turning_v_dot = -beta_dot*term_7
-    term_9 = r_c_inverse*sin_beta
-    caster_wheel_rate_v_dot = -beta_dot*term_9
-    coriolis_v_v = caster_turning_v_dot*term_3 + caster_wheel_rate_v_dot*term_5 + term_6 - term_8
-    term_10 = d*m_C*omega
-    term_11 = beta_dot*s
-    term_12 = m_f*term_11
-    caster_turning_omega_dot = -term_11*term_2
-    caster_wheel_rate_omega_dot = caster_wheel_rate_v*term_11
+    term_2 = beta_dot*cos_beta*m_f*sin_beta
+    caster_turning_v_dot = -beta_dot*cos_beta_over_e
+    sin_beta_over_r_c = r_c_inverse*sin_beta
+    caster_wheel_rate_v_dot = -beta_dot*sin_beta_over_r_c
+    coriolis_v_v = (
+        caster_turning_v_dot*I_f_times_caster_turning_v + caster_wheel_rate_v_dot*J_f_times_caster_wheel_rate_v + term_1
+        - term_2
+    )
+    term_3 = d*m_C*omega
+    beta_dot_times_s = beta_dot*s
+    m_f_times_beta_dot_times_s = m_f*beta_dot_times_s
+    caster_turning_omega_dot = beta_dot_times_s*caster_turning_v
+    caster_wheel_rate_omega_dot = caster_wheel_rate_v*beta_dot_times_s
     coriolis_v_omega = (
-            caster_turning_omega_dot*term_3 + caster_wheel_rate_omega_dot*term_5 + cos_beta**2*term_12 - term_10
-        )
-    term_13 = I_f*caster_turning_omega
-    caster_wheel_rate_omega = s*term_9
-    term_14 = J_f*caster_wheel_rate_omega
+        caster_turning_omega_dot*I_f_times_caster_turning_v + caster_wheel_rate_omega_dot*J_f_times_caster_wheel_rate_v
+        + cos_beta**2*m_f_times_beta_dot_times_s - term_3
+    )
+    I_f_times_caster_turning_omega = I_f*caster_turning_omega
+    caster_wheel_rate_omega = s*sin_beta_over_r_c
+    term_4 = J_f*caster_wheel_rate_omega
     coriolis_omega_v = (
-            caster_turning_v_dot*term_13 + caster_wheel_rate_v_dot*term_14 - sin_beta**2*term_12 + term_10
-        )
+        caster_turning_v_dot*I_f_times_caster_turning_omega + caster_wheel_rate_v_dot*term_4
+        - sin_beta**2*m_f_times_beta_dot_times_s + term_3
+    )
     coriolis_omega_omega = (
-            b**2*term_6 + caster_turning_omega_dot*term_13 + caster_wheel_rate_omega_dot*term_14 + s**2*term_8
-        )
-    out = _empty((2, 2), x, p)
+        b**2*term_1 + caster_turning_omega_dot*I_f_times_caster_turning_omega + caster_wheel_rate_omega_dot*term_4
+        + s**2*term_2
+    )
+    out = _zeros((2, 2), x, p)
     out[0, 0] = coriolis_v_v
     out[0, 1] = coriolis_v_omega
     out[1, 0] = coriolis_omega_v
@@ -356,16 +299,13 @@ def input_matrix(q, p):
     p: physical parameters, (17,)
     Returns: shape (n-m, n_u) = (2, 2); 3 operations.
     """
-    r = p[0]
-    b = p[2]
-    K1 = p[15]
-    term_1 = K1/r
-    term_2 = b*term_1
-    out = _empty((2, 2), q, p)
-    out[0, 0] = term_1
-    out[0, 1] = term_1
-    out[1, 0] = term_2
-    out[1, 1] = -term_2
+    r, b, K1 = p[0], p[2], p[15]
+    K1_over_r = K1/r
+    b_times_K1_over_r = b*K1_over_r
+    out = _zeros((2, 2), q, p)
+    out[0, 0] = out[0, 1] = K1_over_r
+    out[1, 0] = b_times_K1_over_r
+    out[1, 1] = -b_times_K1_over_r
     return out
 
 
@@ -379,313 +319,311 @@ def state_derivative(x, u, w, p):
     p: physical parameters, (17,)
     Returns: shape (2n-m,) = (6,); 140 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    u_r = u[0]
-    u_l = u[1]
-    w_v = w[0]
-    w_omega = w[1]
-    r = p[0]
-    r_c = p[1]
-    b = p[2]
-    d = p[3]
-    s = p[4]
-    e = p[5]
-    m_C = p[7]
-    m_w = p[8]
-    m_f = p[9]
-    I_C = p[10]
-    I_m = p[11]
-    I_f = p[12]
-    J_w = p[13]
-    J_f = p[14]
-    K1 = p[15]
-    K2 = p[16]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
+    phi, beta, v, omega = x[2], x[3], x[4], x[5]
+    u_r, u_l = u[0], u[1]
+    w_v, w_omega = w[0], w[1]
+    r, r_c, b, d, s, e, m_C, m_w, m_f, I_C, I_m, I_f, J_w, J_f, K1, K2 = (
+        p[0], p[1], p[2], p[3], p[4], p[5], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
     sin_beta = sin(beta)
     e_inverse = 1/e
-    term_2 = e_inverse*sin_beta
-    caster_turning_v = -term_2
+    sin_beta_over_e = e_inverse*sin_beta
+    caster_turning_v = -sin_beta_over_e
     cos_beta = cos(beta)
-    term_3 = cos_beta*e_inverse
-    caster_turning_omega = s*term_3
+    cos_beta_over_e = cos_beta*e_inverse
+    caster_turning_omega = s*cos_beta_over_e
     beta_dot_omega = caster_turning_omega - 1
     beta_dot = beta_dot_omega*omega + caster_turning_v*v
-    term_4 = cos_beta**2*m_f
-    term_5 = 2/r**2
-    term_6 = J_w*term_5
+    cos_beta_squared_times_m_f = cos_beta**2*m_f
+    term_1 = 2/r**2
+    term_2 = J_w*term_1
     r_c_inverse = 1/r_c
     caster_wheel_rate_v = cos_beta*r_c_inverse
-    term_8 = 2*m_w
-    mass_platform = m_C + term_8
-    inertia_v_v = I_f*caster_turning_v**2 + J_f*caster_wheel_rate_v**2 + mass_platform + term_4 + term_6
+    term_3 = 2*m_w
+    mass_platform = m_C + term_3
+    inertia_v_v = (
+        I_f*caster_turning_v**2 + J_f*caster_wheel_rate_v**2 + mass_platform + cos_beta_squared_times_m_f + term_2
+    )
     inertia_v_v_inverse = 1/inertia_v_v
-    sin_2_beta = sin(2*beta)
-    term_10 = I_f*caster_turning_v
-    term_11 = J_f*caster_wheel_rate_v
-    term_12 = r_c_inverse*sin_beta
-    caster_wheel_rate_omega = s*term_12
-    inertia_v_omega = caster_turning_omega*term_10 + caster_wheel_rate_omega*term_11 + m_f*s*sin_2_beta/2
+    I_f_times_caster_turning_v = I_f*caster_turning_v
+    J_f_times_caster_wheel_rate_v = J_f*caster_wheel_rate_v
+    sin_beta_over_r_c = r_c_inverse*sin_beta
+    caster_wheel_rate_omega = s*sin_beta_over_r_c
+    inertia_v_omega = (
+        caster_turning_omega*I_f_times_caster_turning_v + caster_wheel_rate_omega*J_f_times_caster_wheel_rate_v
+        + m_f*s*sin(2*beta)/2
+    )
     ratio_omega_v = inertia_v_omega*inertia_v_v_inverse
     r_inverse = 1/r
-    term_14 = K2*term_5
-    term_15 = beta_dot*cos_beta*m_f*sin_beta
-    caster_turning_v_dot = -beta_dot*term_3
-    caster_wheel_rate_v_dot = -beta_dot*term_12
-    coriolis_v_v = caster_turning_v_dot*term_10 + caster_wheel_rate_v_dot*term_11 + term_14 - term_15
-    term_16 = beta_dot*s
-    term_17 = d*m_C*omega
-    caster_turning_omega_dot = -term_16*term_2
-    caster_wheel_rate_omega_dot = caster_wheel_rate_v*term_16
+    term_4 = K2*term_1
+    term_5 = beta_dot*cos_beta*m_f*sin_beta
+    caster_turning_v_dot = -beta_dot*cos_beta_over_e
+    caster_wheel_rate_v_dot = -beta_dot*sin_beta_over_r_c
+    coriolis_v_v = (
+        caster_turning_v_dot*I_f_times_caster_turning_v + caster_wheel_rate_v_dot*J_f_times_caster_wheel_rate_v + term_4
+        - term_5
+    )
+    beta_dot_times_s = beta_dot*s
+    term_6 = d*m_C*omega
+    caster_turning_omega_dot = -beta_dot_times_s*sin_beta_over_e
+    caster_wheel_rate_omega_dot = caster_wheel_rate_v*beta_dot_times_s
     coriolis_v_omega = (
-            caster_turning_omega_dot*term_10 + caster_wheel_rate_omega_dot*term_11 + term_16*term_4 - term_17
-        )
+        caster_turning_omega_dot*I_f_times_caster_turning_v + caster_wheel_rate_omega_dot*J_f_times_caster_wheel_rate_v
+        + beta_dot_times_s*cos_beta_squared_times_m_f - term_6
+    )
     force_v = K1*r_inverse*u_l + K1*r_inverse*u_r - coriolis_v_omega*omega - coriolis_v_v*v - w_v
     b_squared = b**2
     s_squared = s**2
-    term_20 = m_f*sin_beta**2
-    inertia_platform = I_C + 2*I_m + b_squared*term_8 + d**2*m_C
+    m_f_times_sin_beta_squared = m_f*sin_beta**2
+    inertia_platform = I_C + 2*I_m + b_squared*term_3 + d**2*m_C
     inertia_omega_omega = (
-            I_f*caster_turning_omega**2 + J_f*caster_wheel_rate_omega**2 + b_squared*term_6 + inertia_platform
-            + s_squared*term_20
-        )
+        I_f*caster_turning_omega**2 + J_f*caster_wheel_rate_omega**2 + b_squared*term_2 + inertia_platform
+        + s_squared*m_f_times_sin_beta_squared
+    )
     pivot_omega = inertia_omega_omega - inertia_v_v*ratio_omega_v**2
-    term_21 = I_f*caster_turning_omega
-    term_22 = J_f*caster_wheel_rate_omega
-    coriolis_omega_v = caster_turning_v_dot*term_21 + caster_wheel_rate_v_dot*term_22 - term_16*term_20 + term_17
+    I_f_times_caster_turning_omega = I_f*caster_turning_omega
+    term_7 = J_f*caster_wheel_rate_omega
+    coriolis_omega_v = (
+        caster_turning_v_dot*I_f_times_caster_turning_omega + caster_wheel_rate_v_dot*term_7
+        - beta_dot_times_s*m_f_times_sin_beta_squared + term_6
+    )
     coriolis_omega_omega = (
-            b_squared*term_14 + caster_turning_omega_dot*term_21 + caster_wheel_rate_omega_dot*term_22
-            + s_squared*term_15
-        )
+        b_squared*term_4 + caster_turning_omega_dot*I_f_times_caster_turning_omega + caster_wheel_rate_omega_dot*term_7
+        + s_squared*term_5
+    )
     force_omega = (
-            -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v
-            - force_v*ratio_omega_v - w_omega
-        )
+        -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v
+        - force_v*ratio_omega_v - w_omega
+    )
     omega_dot = force_omega/pivot_omega
-    v_dot = force_v*inertia_v_v_inverse - omega_dot*ratio_omega_v
-    out = _empty((6,), x, u, w, p)
-    out[0] = cos_phi*v
-    out[1] = sin_phi*v
+    out = _zeros((6,), x, u, w, p)
+    out[0] = cos(phi)*v
+    out[1] = sin(phi)*v
     out[2] = omega
     out[3] = beta_dot
-    out[4] = v_dot
+    out[4] = force_v*inertia_v_v_inverse - omega_dot*ratio_omega_v
     out[5] = omega_dot
     return out
 
 
 @_function(x=6, u=2, w=2, p=17)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (6,)
     u: motor voltages, (2,)
     w: generalized forces on v, Fbar + taubar_d, (2,)
     p: physical parameters, (17,)
-    Returns: shape (2n-m, 2n-m) = (6, 6); 368 operations.
+    Returns: shape (2n-m, 2n-m) = (6, 6); 359 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    u_r = u[0]
-    u_l = u[1]
-    w_v = w[0]
-    w_omega = w[1]
-    r = p[0]
-    r_c = p[1]
-    b = p[2]
-    d = p[3]
-    s = p[4]
-    e = p[5]
-    m_C = p[7]
-    m_w = p[8]
-    m_f = p[9]
-    I_C = p[10]
-    I_m = p[11]
-    I_f = p[12]
-    J_w = p[13]
-    J_f = p[14]
-    K1 = p[15]
-    K2 = p[16]
+    phi, beta, v, omega = x[2], x[3], x[4], x[5]
+    u_r, u_l = u[0], u[1]
+    w_v, w_omega = w[0], w[1]
+    r, r_c, b, d, s, e, m_C, m_w, m_f, I_C, I_m, I_f, J_w, J_f, K1, K2 = (
+        p[0], p[1], p[2], p[3], p[4], p[5], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     cos_beta = cos(beta)
     e_inverse = 1/e
-    term_2 = cos_beta*e_inverse
-    caster_turning_v_by_beta = -term_2
+    caster_turning_v_by_beta = -cos_beta*e_inverse
     sin_beta = sin(beta)
-    term_3 = e_inverse*sin_beta
-    term_4 = s*term_3
-    caster_turning_omega_by_beta = -term_4
+    sin_beta_over_e = e_inverse*sin_beta
+    caster_turning_omega_by_beta = -s*sin_beta_over_e
     beta_dot_by_beta = caster_turning_omega_by_beta*omega + caster_turning_v_by_beta*v
-    caster_turning_v = -term_3
-    caster_turning_omega = s*term_2
+    caster_turning_v = -sin_beta_over_e
+    caster_turning_omega = -s*caster_turning_v_by_beta
     beta_dot_omega = caster_turning_omega - 1
-    term_5 = cos_beta**2*m_f
-    term_6 = 2/r**2
-    term_7 = J_w*term_6
+    cos_beta_squared_times_m_f = cos_beta**2*m_f
+    term_1 = 2/r**2
+    term_2 = J_w*term_1
     r_c_inverse = 1/r_c
     caster_wheel_rate_v = cos_beta*r_c_inverse
-    term_9 = 2*m_w
-    mass_platform = m_C + term_9
-    inertia_v_v = I_f*caster_turning_v**2 + J_f*caster_wheel_rate_v**2 + mass_platform + term_5 + term_7
+    term_3 = 2*m_w
+    mass_platform = m_C + term_3
+    inertia_v_v = (
+        I_f*caster_turning_v**2 + J_f*caster_wheel_rate_v**2 + mass_platform + cos_beta_squared_times_m_f + term_2
+    )
     inertia_v_v_inverse = 1/inertia_v_v
-    term_11 = I_f*caster_turning_v
-    term_12 = J_f*caster_wheel_rate_v
-    term_13 = cos_beta*m_f*sin_beta
-    term_14 = 2*term_13
-    term_15 = r_c_inverse*sin_beta
-    caster_wheel_rate_v_by_beta = -term_15
-    inertia_v_v_by_beta = 2*caster_turning_v_by_beta*term_11 + 2*caster_wheel_rate_v_by_beta*term_12 - term_14
-    term_16 = inertia_v_v_by_beta/inertia_v_v**2
-    sin_2_beta = sin(2*beta)
-    term_17 = m_f*s
-    caster_wheel_rate_omega = s*term_15
-    inertia_v_omega = caster_turning_omega*term_11 + caster_wheel_rate_omega*term_12 + sin_2_beta*term_17/2
+    I_f_times_caster_turning_v = I_f*caster_turning_v
+    J_f_times_caster_wheel_rate_v = J_f*caster_wheel_rate_v
+    term_4 = cos_beta*m_f*sin_beta
+    term_5 = 2*term_4
+    caster_wheel_rate_v_by_beta = -r_c_inverse*sin_beta
+    inertia_v_v_by_beta = (
+        2*caster_turning_v_by_beta*I_f_times_caster_turning_v
+        + 2*caster_wheel_rate_v_by_beta*J_f_times_caster_wheel_rate_v - term_5
+    )
+    term_6 = inertia_v_v_by_beta/inertia_v_v**2
+    m_f_times_s = m_f*s
+    caster_wheel_rate_omega = -s*caster_wheel_rate_v_by_beta
+    inertia_v_omega = (
+        caster_turning_omega*I_f_times_caster_turning_v + caster_wheel_rate_omega*J_f_times_caster_wheel_rate_v
+        + sin(2*beta)*m_f_times_s/2
+    )
     ratio_omega_v = inertia_v_omega*inertia_v_v_inverse
     r_inverse = 1/r
-    term_19 = K2*term_6
+    term_7 = K2*term_1
     beta_dot = beta_dot_omega*omega + caster_turning_v*v
-    term_20 = beta_dot*term_13
-    caster_turning_v_dot = -beta_dot*term_2
-    caster_wheel_rate_v_dot = -beta_dot*term_15
-    coriolis_v_v = caster_turning_v_dot*term_11 + caster_wheel_rate_v_dot*term_12 + term_19 - term_20
-    term_21 = d*m_C
-    term_22 = omega*term_21
-    term_23 = beta_dot*term_5
-    caster_turning_omega_dot = -beta_dot*term_4
-    term_24 = beta_dot*caster_wheel_rate_v
-    caster_wheel_rate_omega_dot = s*term_24
-    coriolis_v_omega = caster_turning_omega_dot*term_11 + caster_wheel_rate_omega_dot*term_12 + s*term_23 - term_22
+    term_8 = beta_dot*term_4
+    caster_turning_v_dot = beta_dot*caster_turning_v_by_beta
+    caster_wheel_rate_v_dot = beta_dot*caster_wheel_rate_v_by_beta
+    coriolis_v_v = (
+        caster_turning_v_dot*I_f_times_caster_turning_v + caster_wheel_rate_v_dot*J_f_times_caster_wheel_rate_v + term_7
+        - term_8
+    )
+    d_times_m_C = d*m_C
+    omega_times_d_times_m_C = omega*d_times_m_C
+    term_9 = beta_dot*cos_beta_squared_times_m_f
+    caster_turning_omega_dot = beta_dot*caster_turning_omega_by_beta
+    term_10 = beta_dot*caster_wheel_rate_v
+    caster_wheel_rate_omega_dot = s*term_10
+    coriolis_v_omega = (
+        caster_turning_omega_dot*I_f_times_caster_turning_v + caster_wheel_rate_omega_dot*J_f_times_caster_wheel_rate_v
+        + s*term_9 - omega_times_d_times_m_C
+    )
     force_v = K1*r_inverse*u_l + K1*r_inverse*u_r - coriolis_v_omega*omega - coriolis_v_v*v - w_v
     ratio_omega_v_squared = ratio_omega_v**2
     b_squared = b**2
     s_squared = s**2
-    term_28 = m_f*sin_beta**2
-    term_29 = s_squared*term_28
-    inertia_platform = I_C + 2*I_m + b_squared*term_9 + d**2*m_C
+    m_f_times_sin_beta_squared = m_f*sin_beta**2
+    term_11 = s_squared*m_f_times_sin_beta_squared
+    inertia_platform = I_C + 2*I_m + b_squared*term_3 + d**2*m_C
     inertia_omega_omega = (
-            I_f*caster_turning_omega**2 + J_f*caster_wheel_rate_omega**2 + b_squared*term_7 + inertia_platform + term_29
-        )
+        I_f*caster_turning_omega**2 + J_f*caster_wheel_rate_omega**2 + b_squared*term_2 + inertia_platform + term_11
+    )
     pivot_omega = inertia_omega_omega - inertia_v_v*ratio_omega_v_squared
     pivot_omega_inverse = 1/pivot_omega
-    term_31 = I_f*caster_turning_omega
-    term_32 = J_f*caster_wheel_rate_omega
-    term_33 = beta_dot*term_28
-    coriolis_omega_v = caster_turning_v_dot*term_31 + caster_wheel_rate_v_dot*term_32 - s*term_33 + term_22
+    I_f_times_caster_turning_omega = I_f*caster_turning_omega
+    term_12 = J_f*caster_wheel_rate_omega
+    term_13 = beta_dot*m_f_times_sin_beta_squared
+    coriolis_omega_v = (
+        caster_turning_v_dot*I_f_times_caster_turning_omega + caster_wheel_rate_v_dot*term_12 - s*term_13
+        + omega_times_d_times_m_C
+    )
     coriolis_omega_omega = (
-            b_squared*term_19 + caster_turning_omega_dot*term_31 + caster_wheel_rate_omega_dot*term_32
-            + s_squared*term_20
-        )
+        b_squared*term_7 + caster_turning_omega_dot*I_f_times_caster_turning_omega + caster_wheel_rate_omega_dot*term_12
+        + s_squared*term_8
+    )
     force_omega = (
-            -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v
-            - force_v*ratio_omega_v - w_omega
-        )
+        -K1*b*r_inverse*u_l + K1*b*r_inverse*u_r - coriolis_omega_omega*omega - coriolis_omega_v*v
+        - force_v*ratio_omega_v - w_omega
+    )
     omega_dot = force_omega*pivot_omega_inverse
-    term_34 = I_f*caster_turning_v_by_beta
-    term_35 = J_f*caster_wheel_rate_v_by_beta
-    term_36 = beta_dot_by_beta*s
-    term_37 = -2*beta_dot*cos_beta*sin_beta*term_17
-    caster_turning_omega_dot_by_beta = -beta_dot*caster_turning_omega - beta_dot_by_beta*term_4
-    caster_wheel_rate_omega_dot_by_beta = (
-            -beta_dot*caster_wheel_rate_omega + beta_dot_by_beta*cos_beta*r_c_inverse*s
-        )
+    term_14 = I_f*caster_turning_v_by_beta
+    term_15 = J_f*caster_wheel_rate_v_by_beta
+    beta_dot_by_beta_times_s = beta_dot_by_beta*s
+    term_16 = -2*beta_dot*cos_beta*sin_beta*m_f_times_s
+    caster_turning_omega_dot_by_beta = -beta_dot*caster_turning_omega + beta_dot_by_beta*caster_turning_omega_by_beta
+    caster_wheel_rate_omega_dot_by_beta = -beta_dot*caster_wheel_rate_omega + beta_dot_by_beta*cos_beta*r_c_inverse*s
     coriolis_v_omega_by_beta = (
-            caster_turning_omega_dot*term_34 + caster_turning_omega_dot_by_beta*term_11
-            + caster_wheel_rate_omega_dot*term_35 + caster_wheel_rate_omega_dot_by_beta*term_12 + term_36*term_5
-            + term_37
-        )
-    term_38 = beta_dot_by_beta*term_13
-    caster_turning_v_dot_by_beta = beta_dot*term_3 - beta_dot_by_beta*term_2
-    caster_wheel_rate_v_dot_by_beta = -beta_dot_by_beta*term_15 - term_24
+        caster_turning_omega_dot*term_14 + caster_turning_omega_dot_by_beta*I_f_times_caster_turning_v
+        + caster_wheel_rate_omega_dot*term_15 + caster_wheel_rate_omega_dot_by_beta*J_f_times_caster_wheel_rate_v
+        + beta_dot_by_beta_times_s*cos_beta_squared_times_m_f + term_16
+    )
+    term_17 = beta_dot_by_beta*term_4
+    caster_turning_v_dot_by_beta = beta_dot*sin_beta_over_e + beta_dot_by_beta*caster_turning_v_by_beta
+    caster_wheel_rate_v_dot_by_beta = beta_dot_by_beta*caster_wheel_rate_v_by_beta - term_10
     coriolis_v_v_by_beta = (
-            caster_turning_v_dot*term_34 + caster_turning_v_dot_by_beta*term_11 + caster_wheel_rate_v_dot*term_35
-            + caster_wheel_rate_v_dot_by_beta*term_12 - term_23 + term_33 - term_38
-        )
+        caster_turning_v_dot*term_14 + caster_turning_v_dot_by_beta*I_f_times_caster_turning_v
+        + caster_wheel_rate_v_dot*term_15 + caster_wheel_rate_v_dot_by_beta*J_f_times_caster_wheel_rate_v - term_9
+        + term_13 - term_17
+    )
     force_v_by_beta = -coriolis_v_omega_by_beta*omega - coriolis_v_v_by_beta*v
-    cos_2_beta = cos(2*beta)
     caster_wheel_rate_omega_by_beta = caster_wheel_rate_v*s
     inertia_v_omega_by_beta = (
-            caster_turning_omega_by_beta*term_11 + caster_turning_v_by_beta*term_31
-            + caster_wheel_rate_omega_by_beta*term_12 + caster_wheel_rate_v_by_beta*term_32 + cos_2_beta*term_17
-        )
-    ratio_omega_v_by_beta = -inertia_v_omega*term_16 + inertia_v_omega_by_beta*inertia_v_v_inverse
-    term_39 = I_f*caster_turning_omega_by_beta
-    term_40 = J_f*caster_wheel_rate_omega_by_beta
+        caster_turning_omega_by_beta*I_f_times_caster_turning_v
+        + caster_turning_v_by_beta*I_f_times_caster_turning_omega
+        + caster_wheel_rate_omega_by_beta*J_f_times_caster_wheel_rate_v + caster_wheel_rate_v_by_beta*term_12
+        + cos(2*beta)*m_f_times_s
+    )
+    ratio_omega_v_by_beta = -inertia_v_omega*term_6 + inertia_v_omega_by_beta*inertia_v_v_inverse
+    term_18 = I_f*caster_turning_omega_by_beta
+    term_19 = J_f*caster_wheel_rate_omega_by_beta
     coriolis_omega_omega_by_beta = (
-            -beta_dot*term_29 + caster_turning_omega_dot*term_39 + caster_turning_omega_dot_by_beta*term_31
-            + caster_wheel_rate_omega_dot*term_40 + caster_wheel_rate_omega_dot_by_beta*term_32 + s_squared*term_23
-            + s_squared*term_38
-        )
+        -beta_dot*term_11 + caster_turning_omega_dot*term_18
+        + caster_turning_omega_dot_by_beta*I_f_times_caster_turning_omega + caster_wheel_rate_omega_dot*term_19
+        + caster_wheel_rate_omega_dot_by_beta*term_12 + s_squared*term_9 + s_squared*term_17
+    )
     coriolis_omega_v_by_beta = (
-            caster_turning_v_dot*term_39 + caster_turning_v_dot_by_beta*term_31 + caster_wheel_rate_v_dot*term_40
-            + caster_wheel_rate_v_dot_by_beta*term_32 - term_28*term_36 + term_37
-        )
+        caster_turning_v_dot*term_18 + caster_turning_v_dot_by_beta*I_f_times_caster_turning_omega
+        + caster_wheel_rate_v_dot*term_19 + caster_wheel_rate_v_dot_by_beta*term_12
+        - m_f_times_sin_beta_squared*beta_dot_by_beta_times_s + term_16
+    )
     force_omega_by_beta = (
-            -coriolis_omega_omega_by_beta*omega - coriolis_omega_v_by_beta*v - force_v*ratio_omega_v_by_beta
-            - force_v_by_beta*ratio_omega_v
-        )
+        -coriolis_omega_omega_by_beta*omega - coriolis_omega_v_by_beta*v - force_v*ratio_omega_v_by_beta
+        - force_v_by_beta*ratio_omega_v
+    )
     inertia_omega_omega_by_beta = (
-            2*caster_turning_omega_by_beta*term_31 + 2*caster_wheel_rate_omega_by_beta*term_32 + s_squared*term_14
-        )
+        2*caster_turning_omega_by_beta*I_f_times_caster_turning_omega + 2*caster_wheel_rate_omega_by_beta*term_12
+        + s_squared*term_5
+    )
     pivot_omega_by_beta = (
-            inertia_omega_omega_by_beta - 2*inertia_v_v*ratio_omega_v*ratio_omega_v_by_beta
-            - inertia_v_v_by_beta*ratio_omega_v_squared
-        )
+        inertia_omega_omega_by_beta - 2*inertia_v_v*ratio_omega_v*ratio_omega_v_by_beta
+        - inertia_v_v_by_beta*ratio_omega_v_squared
+    )
     omega_dot_by_beta = -force_omega*pivot_omega_by_beta/pivot_omega**2 + force_omega_by_beta*pivot_omega_inverse
     v_dot_by_beta = (
-            -force_v*term_16 + force_v_by_beta*inertia_v_v_inverse - omega_dot*ratio_omega_v_by_beta
-            - omega_dot_by_beta*ratio_omega_v
-        )
-    term_41 = caster_turning_v*s
-    caster_turning_omega_dot_by_v = -caster_turning_v*term_4
+        -force_v*term_6 + force_v_by_beta*inertia_v_v_inverse - omega_dot*ratio_omega_v_by_beta
+        - omega_dot_by_beta*ratio_omega_v
+    )
+    caster_turning_v_times_s = caster_turning_v*s
+    caster_turning_omega_dot_by_v = caster_turning_v*caster_turning_omega_by_beta
     caster_wheel_rate_omega_dot_by_v = caster_turning_v*caster_wheel_rate_omega_by_beta
     coriolis_v_omega_by_v = (
-            caster_turning_omega_dot_by_v*term_11 + caster_wheel_rate_omega_dot_by_v*term_12 + term_41*term_5
-        )
-    term_42 = caster_turning_v*term_13
-    caster_turning_v_dot_by_v = -caster_turning_v*term_2
-    caster_wheel_rate_v_dot_by_v = -caster_turning_v*term_15
-    coriolis_v_v_by_v = caster_turning_v_dot_by_v*term_11 + caster_wheel_rate_v_dot_by_v*term_12 - term_42
+        caster_turning_omega_dot_by_v*I_f_times_caster_turning_v
+        + caster_wheel_rate_omega_dot_by_v*J_f_times_caster_wheel_rate_v
+        + caster_turning_v_times_s*cos_beta_squared_times_m_f
+    )
+    term_20 = caster_turning_v*term_4
+    caster_turning_v_dot_by_v = caster_turning_v*caster_turning_v_by_beta
+    caster_wheel_rate_v_dot_by_v = caster_turning_v*caster_wheel_rate_v_by_beta
+    coriolis_v_v_by_v = (
+        caster_turning_v_dot_by_v*I_f_times_caster_turning_v
+        + caster_wheel_rate_v_dot_by_v*J_f_times_caster_wheel_rate_v - term_20
+    )
     force_v_by_v = -coriolis_v_omega_by_v*omega - coriolis_v_v - coriolis_v_v_by_v*v
     coriolis_omega_omega_by_v = (
-            caster_turning_omega_dot_by_v*term_31 + caster_wheel_rate_omega_dot_by_v*term_32 + s_squared*term_42
-        )
+        caster_turning_omega_dot_by_v*I_f_times_caster_turning_omega + caster_wheel_rate_omega_dot_by_v*term_12
+        + s_squared*term_20
+    )
     coriolis_omega_v_by_v = (
-            caster_turning_v_dot_by_v*term_31 + caster_wheel_rate_v_dot_by_v*term_32 - term_28*term_41
-        )
+        caster_turning_v_dot_by_v*I_f_times_caster_turning_omega + caster_wheel_rate_v_dot_by_v*term_12
+        - m_f_times_sin_beta_squared*caster_turning_v_times_s
+    )
     force_omega_by_v = (
-            -coriolis_omega_omega_by_v*omega - coriolis_omega_v - coriolis_omega_v_by_v*v - force_v_by_v*ratio_omega_v
-        )
+        -coriolis_omega_omega_by_v*omega - coriolis_omega_v - coriolis_omega_v_by_v*v - force_v_by_v*ratio_omega_v
+    )
     omega_dot_by_v = force_omega_by_v*pivot_omega_inverse
     v_dot_by_v = force_v_by_v*inertia_v_v_inverse - omega_dot_by_v*ratio_omega_v
-    term_43 = beta_dot_omega*s
-    caster_turning_omega_dot_by_omega = -beta_dot_omega*term_4
+    beta_dot_omega_times_s = beta_dot_omega*s
+    caster_turning_omega_dot_by_omega = beta_dot_omega*caster_turning_omega_by_beta
     caster_wheel_rate_omega_dot_by_omega = beta_dot_omega*caster_wheel_rate_omega_by_beta
     coriolis_v_omega_by_omega = (
-            caster_turning_omega_dot_by_omega*term_11 + caster_wheel_rate_omega_dot_by_omega*term_12 - term_21
-            + term_43*term_5
-        )
-    term_44 = beta_dot_omega*term_13
-    caster_turning_v_dot_by_omega = -beta_dot_omega*term_2
-    caster_wheel_rate_v_dot_by_omega = -beta_dot_omega*term_15
+        caster_turning_omega_dot_by_omega*I_f_times_caster_turning_v
+        + caster_wheel_rate_omega_dot_by_omega*J_f_times_caster_wheel_rate_v - d_times_m_C
+        + beta_dot_omega_times_s*cos_beta_squared_times_m_f
+    )
+    term_21 = beta_dot_omega*term_4
+    caster_turning_v_dot_by_omega = beta_dot_omega*caster_turning_v_by_beta
+    caster_wheel_rate_v_dot_by_omega = beta_dot_omega*caster_wheel_rate_v_by_beta
     coriolis_v_v_by_omega = (
-            caster_turning_v_dot_by_omega*term_11 + caster_wheel_rate_v_dot_by_omega*term_12 - term_44
-        )
+        caster_turning_v_dot_by_omega*I_f_times_caster_turning_v
+        + caster_wheel_rate_v_dot_by_omega*J_f_times_caster_wheel_rate_v - term_21
+    )
     force_v_by_omega = -coriolis_v_omega - coriolis_v_omega_by_omega*omega - coriolis_v_v_by_omega*v
     coriolis_omega_omega_by_omega = (
-            caster_turning_omega_dot_by_omega*term_31 + caster_wheel_rate_omega_dot_by_omega*term_32 + s_squared*term_44
-        )
+        caster_turning_omega_dot_by_omega*I_f_times_caster_turning_omega + caster_wheel_rate_omega_dot_by_omega*term_12
+        + s_squared*term_21
+    )
     coriolis_omega_v_by_omega = (
-            caster_turning_v_dot_by_omega*term_31 + caster_wheel_rate_v_dot_by_omega*term_32 + term_21 - term_28*term_43
-        )
+        caster_turning_v_dot_by_omega*I_f_times_caster_turning_omega + caster_wheel_rate_v_dot_by_omega*term_12
+        + d_times_m_C - m_f_times_sin_beta_squared*beta_dot_omega_times_s
+    )
     force_omega_by_omega = (
-            -coriolis_omega_omega - coriolis_omega_omega_by_omega*omega - coriolis_omega_v_by_omega*v
-            - force_v_by_omega*ratio_omega_v
-        )
+        -coriolis_omega_omega - coriolis_omega_omega_by_omega*omega - coriolis_omega_v_by_omega*v
+        - force_v_by_omega*ratio_omega_v
+    )
     omega_dot_by_omega = force_omega_by_omega*pivot_omega_inverse
     v_dot_by_omega = force_v_by_omega*inertia_v_v_inverse - omega_dot_by_omega*ratio_omega_v
     out = _zeros((6, 6), x, u, w, p)
@@ -708,7 +646,7 @@ def state_jacobian(x, u, w, p):
 
 @_function(x=6, u=2, w=2, p=17)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (6,)
     u: motor voltages, (2,)
@@ -717,21 +655,9 @@ def input_jacobian(x, u, w, p):
     Returns: shape (2n-m, n_u) = (6, 2); 77 operations.
     """
     beta = x[3]
-    r = p[0]
-    r_c = p[1]
-    b = p[2]
-    d = p[3]
-    s = p[4]
-    e = p[5]
-    m_C = p[7]
-    m_w = p[8]
-    m_f = p[9]
-    I_C = p[10]
-    I_m = p[11]
-    I_f = p[12]
-    J_w = p[13]
-    J_f = p[14]
-    K1 = p[15]
+    r, r_c, b, d, s, e, m_C, m_w, m_f, I_C, I_m, I_f, J_w, J_f, K1 = (
+        p[0], p[1], p[2], p[3], p[4], p[5], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
     cos_beta = cos(beta)
     term_1 = 2*J_w/r**2
     sin_beta = sin(beta)
@@ -739,39 +665,36 @@ def input_jacobian(x, u, w, p):
     caster_turning_v = -e_inverse*sin_beta
     r_c_inverse = 1/r_c
     caster_wheel_rate_v = cos_beta*r_c_inverse
-    term_4 = 2*m_w
-    mass_platform = m_C + term_4
+    term_2 = 2*m_w
+    mass_platform = m_C + term_2
     inertia_v_v = I_f*caster_turning_v**2 + J_f*caster_wheel_rate_v**2 + cos_beta**2*m_f + mass_platform + term_1
     inertia_v_v_inverse = 1/inertia_v_v
     force_v_by_u_r = K1/r
-    term_6 = force_v_by_u_r*inertia_v_v_inverse
-    sin_2_beta = sin(2*beta)
+    term_3 = force_v_by_u_r*inertia_v_v_inverse
     caster_turning_omega = cos_beta*e_inverse*s
     caster_wheel_rate_omega = r_c_inverse*s*sin_beta
     inertia_v_omega = (
-            I_f*caster_turning_omega*caster_turning_v + J_f*caster_wheel_rate_omega*caster_wheel_rate_v
-            + m_f*s*sin_2_beta/2
-        )
+        I_f*caster_turning_omega*caster_turning_v + J_f*caster_wheel_rate_omega*caster_wheel_rate_v
+        + m_f*s*sin(2*beta)/2
+    )
     ratio_omega_v = inertia_v_omega*inertia_v_v_inverse
     b_squared = b**2
-    inertia_platform = I_C + 2*I_m + b_squared*term_4 + d**2*m_C
+    inertia_platform = I_C + 2*I_m + b_squared*term_2 + d**2*m_C
     inertia_omega_omega = (
-            I_f*caster_turning_omega**2 + J_f*caster_wheel_rate_omega**2 + b_squared*term_1 + inertia_platform
-            + m_f*s**2*sin_beta**2
-        )
+        I_f*caster_turning_omega**2 + J_f*caster_wheel_rate_omega**2 + b_squared*term_1 + inertia_platform
+        + m_f*s**2*sin_beta**2
+    )
     pivot_omega = inertia_omega_omega - inertia_v_v*ratio_omega_v**2
     pivot_omega_inverse = 1/pivot_omega
-    term_9 = force_v_by_u_r*ratio_omega_v
-    term_10 = b*force_v_by_u_r
-    force_omega_by_u_r = term_10 - term_9
+    term_4 = force_v_by_u_r*ratio_omega_v
+    b_times_force_v_by_u_r = b*force_v_by_u_r
+    force_omega_by_u_r = b_times_force_v_by_u_r - term_4
     omega_dot_by_u_r = force_omega_by_u_r*pivot_omega_inverse
-    v_dot_by_u_r = -omega_dot_by_u_r*ratio_omega_v + term_6
-    force_omega_by_u_l = -term_10 - term_9
+    force_omega_by_u_l = -b_times_force_v_by_u_r - term_4
     omega_dot_by_u_l = force_omega_by_u_l*pivot_omega_inverse
-    v_dot_by_u_l = -omega_dot_by_u_l*ratio_omega_v + term_6
     out = _zeros((6, 2), x, u, w, p)
-    out[4, 0] = v_dot_by_u_r
-    out[4, 1] = v_dot_by_u_l
+    out[4, 0] = -omega_dot_by_u_r*ratio_omega_v + term_3
+    out[4, 1] = -omega_dot_by_u_l*ratio_omega_v + term_3
     out[5, 0] = omega_dot_by_u_r
     out[5, 1] = omega_dot_by_u_l
     return out
@@ -779,49 +702,38 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=17)
 def base_parameters(p):
-    """theta(p), inverse form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (17,)
     Returns: shape (n_theta,) = (10,); 36 operations.
     """
-    r = p[0]
-    r_c = p[1]
-    b = p[2]
-    d = p[3]
-    m_C = p[7]
-    m_w = p[8]
-    m_f = p[9]
-    I_C = p[10]
-    I_m = p[11]
-    I_f = p[12]
-    J_w = p[13]
-    J_f = p[14]
-    K1 = p[15]
-    K2 = p[16]
+    r, r_c, b, d, m_C, m_w, m_f, I_C, I_m, I_f, J_w, J_f, K1, K2 = (
+        p[0], p[1], p[2], p[3], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse*K2/r
-    term_3 = K1_inverse*r/2
-    term_4 = d*m_C*term_3
+    term_1 = K1_inverse*K2/r
+    term_2 = K1_inverse*r/2
+    term_3 = d*m_C*term_2
     b_inverse = 1/b
-    term_6 = I_f*term_3
-    term_7 = J_f/r_c**2 + m_f
-    term_8 = b_inverse*term_3
-    term_9 = 2*J_w/r**2
-    term_10 = 2*m_w
-    mass_platform = m_C + term_10
+    term_4 = I_f*term_2
+    term_5 = J_f/r_c**2 + m_f
+    term_6 = b_inverse*term_2
+    term_7 = 2*J_w/r**2
+    term_8 = 2*m_w
+    mass_platform = m_C + term_8
     b_squared = b**2
-    inertia_platform = I_C + 2*I_m + b_squared*term_10 + d**2*m_C
-    out = _empty((10,), p)
-    out[0] = b*term_2
-    out[1] = term_2
-    out[2] = term_4
-    out[3] = b_inverse*term_4
-    out[4] = b_inverse*term_6
-    out[5] = term_6
-    out[6] = term_3*term_7
-    out[7] = term_7*term_8
-    out[8] = term_3*(mass_platform + term_9)
-    out[9] = term_8*(b_squared*term_9 + inertia_platform)
+    inertia_platform = I_C + 2*I_m + b_squared*term_8 + d**2*m_C
+    out = _zeros((10,), p)
+    out[0] = b*term_1
+    out[1] = term_1
+    out[2] = term_3
+    out[3] = b_inverse*term_3
+    out[4] = b_inverse*term_4
+    out[5] = term_4
+    out[6] = term_2*term_5
+    out[7] = term_5*term_6
+    out[8] = term_2*(mass_platform + term_7)
+    out[9] = term_6*(b_squared*term_7 + inertia_platform)
     return out
 
 
@@ -833,15 +745,11 @@ def output(q, c):
     c: known constants, (3,)
     Returns: shape (n-m,) = (2,); 6 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
+    x, y, phi = q[0], q[1], q[2]
     L = c[2]
-    cos_phi = cos(phi)
-    sin_phi = sin(phi)
-    out = _empty((2,), q, c)
-    out[0] = L*cos_phi + x
-    out[1] = L*sin_phi + y
+    out = _zeros((2,), q, c)
+    out[0] = L*cos(phi) + x
+    out[1] = L*sin(phi) + y
     return out
 
 
@@ -855,13 +763,10 @@ def output_jacobian(q, c):
     """
     phi = q[2]
     L = c[2]
-    sin_phi = sin(phi)
-    cos_phi = cos(phi)
     out = _zeros((2, 4), q, c)
-    out[0, 0] = 1
-    out[0, 2] = -L*sin_phi
-    out[1, 1] = 1
-    out[1, 2] = L*cos_phi
+    out[0, 0] = out[1, 1] = 1
+    out[0, 2] = -L*sin(phi)
+    out[1, 2] = L*cos(phi)
     return out
 
 
@@ -873,115 +778,99 @@ def output_rate(x, c):
     c: known constants, (3,)
     Returns: shape (n-m,) = (2,); 9 operations.
     """
-    phi = x[2]
-    v = x[4]
-    omega = x[5]
+    phi, v, omega = x[2], x[4], x[5]
     L = c[2]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    term_1 = L*omega
-    out = _empty((2,), x, c)
-    out[0] = cos_phi*v - sin_phi*term_1
-    out[1] = cos_phi*term_1 + sin_phi*v
+    L_times_omega = L*omega
+    out = _zeros((2,), x, c)
+    out[0] = cos_phi*v - sin_phi*L_times_omega
+    out[1] = cos_phi*L_times_omega + sin_phi*v
     return out
 
 
 @_function(x=6, c=3)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (6,)
     c: known constants, (3,)
     Returns: shape (n-m,) = (2,); 13 operations.
     """
-    phi = x[2]
-    v = x[4]
-    omega = x[5]
+    phi, v, omega = x[2], x[4], x[5]
     L = c[2]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    term_1 = L*omega**2
-    out = _empty((2,), x, c)
-    out[0] = -cos_phi*term_1 - omega*sin_phi*v
-    out[1] = cos_phi*omega*v - sin_phi*term_1
+    L_times_omega_squared = L*omega**2
+    out = _zeros((2,), x, c)
+    out[0] = -cos_phi*L_times_omega_squared - omega*sin_phi*v
+    out[1] = cos_phi*omega*v - sin_phi*L_times_omega_squared
     return out
 
 
 @_function(x=6, theta=10, c=3)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (6,)
     theta: base parameters, (10,)
     c: known constants, (3,)
     Returns: shape (n-m,) = (2,); 113 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta8 = theta[7]
-    theta9 = theta[8]
-    theta10 = theta[9]
-    s = c[0]
-    e = c[1]
-    L = c[2]
+    phi, beta, v, omega = x[2], x[3], x[4], x[5]
+    theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8, theta9, theta10 = (
+        theta[0], theta[1], theta[2], theta[3], theta[4], theta[5], theta[6], theta[7], theta[8], theta[9]
+    )
+    s, e, L = c[0], c[1], c[2]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     sin_beta = sin(beta)
     e_inverse = 1/e
-    term_2 = e_inverse*sin_beta
-    caster_turning_v = -term_2
+    sin_beta_over_e = e_inverse*sin_beta
+    caster_turning_v = -sin_beta_over_e
     cos_beta = cos(beta)
-    term_3 = cos_beta*e_inverse
-    caster_turning_omega = s*term_3
-    term_4 = caster_turning_omega*caster_turning_v
-    term_5 = term_4*theta5
-    term_6 = cos_beta*sin_beta
-    term_7 = s*term_6
-    term_8 = term_7*theta8
+    cos_beta_over_e = cos_beta*e_inverse
+    caster_turning_omega = s*cos_beta_over_e
+    term_1 = caster_turning_omega*caster_turning_v
+    term_2 = term_1*theta5
+    cos_beta_times_sin_beta = cos_beta*sin_beta
+    term_3 = s*cos_beta_times_sin_beta
+    term_4 = term_3*theta8
     cos_beta_squared = cos_beta**2
-    term_10 = caster_turning_v**2*theta6 + cos_beta_squared*theta7 + theta9
-    u_r_per_v = term_10 + term_5 + term_8
+    term_5 = caster_turning_v**2*theta6 + cos_beta_squared*theta7 + theta9
+    u_r_per_v = term_5 + term_2 + term_4
     s_squared = s**2
     sin_beta_squared = sin_beta**2
-    term_13 = caster_turning_omega**2*theta5 + s_squared*sin_beta_squared*theta8 + theta10
-    u_r_per_omega = term_13 + term_4*theta6 + term_7*theta7
-    u_l_per_v = term_10 - term_5 - term_8
-    u_l_per_omega = caster_turning_omega*caster_turning_v*theta6 + cos_beta*s*sin_beta*theta7 - term_13
+    term_6 = caster_turning_omega**2*theta5 + s_squared*sin_beta_squared*theta8 + theta10
+    u_r_per_omega = term_6 + term_1*theta6 + term_3*theta7
+    u_l_per_v = term_5 - term_2 - term_4
+    u_l_per_omega = caster_turning_omega*caster_turning_v*theta6 + cos_beta*s*sin_beta*theta7 - term_6
     effort_determinant = u_l_per_omega*u_r_per_v - u_l_per_v*u_r_per_omega
     effort_determinant_inverse = 1/effort_determinant
-    term_15 = omega*theta1
-    term_16 = caster_turning_v*v
+    omega_times_theta1 = omega*theta1
+    caster_turning_v_times_v = caster_turning_v*v
     beta_dot_omega = caster_turning_omega - 1
-    beta_dot = beta_dot_omega*omega + term_16
-    term_17 = beta_dot*s
-    caster_turning_omega_dot = -term_17*term_2
-    term_18 = caster_turning_omega_dot*omega
-    caster_turning_v_dot = -beta_dot*term_3
-    term_19 = caster_turning_omega*caster_turning_v_dot*v + caster_turning_omega*term_18
-    term_20 = beta_dot*term_6
-    term_21 = omega*s_squared*term_20 - sin_beta_squared*term_17*v
-    term_22 = omega*theta4*v
-    term_23 = (
-            -omega**2*theta3 + theta2*v + theta6*(caster_turning_v*term_18 + caster_turning_v_dot*term_16)
-            + theta7*(cos_beta_squared*omega*term_17 - term_20*v)
-        )
-    u_l_hold = -term_15 - term_19*theta5 - term_21*theta8 - term_22 + term_23
-    term_24 = effort_determinant_inverse*u_l_hold
-    u_r_hold = term_15 + term_19*theta5 + term_21*theta8 + term_22 + term_23
-    term_25 = -effort_determinant_inverse*u_l_per_omega*u_r_hold + term_24*u_r_per_omega
-    term_26 = L*(effort_determinant_inverse*u_l_per_v*u_r_hold - term_24*u_r_per_v)
-    out = _empty((2,), x, theta, c)
-    out[0] = cos_phi*term_25 - sin_phi*term_26
-    out[1] = cos_phi*term_26 + sin_phi*term_25
+    beta_dot = beta_dot_omega*omega + caster_turning_v_times_v
+    beta_dot_times_s = beta_dot*s
+    caster_turning_omega_dot = -beta_dot_times_s*sin_beta_over_e
+    term_7 = caster_turning_omega_dot*omega
+    caster_turning_v_dot = -beta_dot*cos_beta_over_e
+    term_8 = caster_turning_omega*caster_turning_v_dot*v + caster_turning_omega*term_7
+    term_9 = beta_dot*cos_beta_times_sin_beta
+    term_10 = omega*s_squared*term_9 - sin_beta_squared*beta_dot_times_s*v
+    term_11 = omega*theta4*v
+    term_12 = (
+        -omega**2*theta3 + theta2*v + theta6*(caster_turning_v*term_7 + caster_turning_v_dot*caster_turning_v_times_v)
+        + theta7*(cos_beta_squared*omega*beta_dot_times_s - term_9*v)
+    )
+    u_l_hold = -omega_times_theta1 - term_8*theta5 - term_10*theta8 - term_11 + term_12
+    term_13 = effort_determinant_inverse*u_l_hold
+    u_r_hold = omega_times_theta1 + term_8*theta5 + term_10*theta8 + term_11 + term_12
+    term_14 = -effort_determinant_inverse*u_l_per_omega*u_r_hold + term_13*u_r_per_omega
+    term_15 = L*(effort_determinant_inverse*u_l_per_v*u_r_hold - term_13*u_r_per_v)
+    out = _zeros((2,), x, theta, c)
+    out[0] = cos_phi*term_14 - sin_phi*term_15
+    out[1] = cos_phi*term_15 + sin_phi*term_14
     return out
 
 
@@ -994,46 +883,37 @@ def decoupling_matrix(x, theta, c):
     c: known constants, (3,)
     Returns: shape (n-m, n_u) = (2, 2); 64 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta8 = theta[7]
-    theta9 = theta[8]
-    theta10 = theta[9]
-    s = c[0]
-    e = c[1]
-    L = c[2]
-    cos_phi = cos(phi)
+    phi, beta = x[2], x[3]
+    theta5, theta6, theta7, theta8, theta9, theta10 = theta[4], theta[5], theta[6], theta[7], theta[8], theta[9]
+    s, e, L = c[0], c[1], c[2]
     sin_beta = sin(beta)
     e_inverse = 1/e
     caster_turning_v = -e_inverse*sin_beta
     cos_beta = cos(beta)
-    term_2 = cos_beta*s
-    caster_turning_omega = e_inverse*term_2
-    term_3 = caster_turning_omega*caster_turning_v
-    term_4 = term_3*theta5
-    term_5 = sin_beta*term_2
-    term_6 = term_5*theta8
-    term_7 = caster_turning_v**2*theta6 + cos_beta**2*theta7 + theta9
-    u_r_per_v = term_4 + term_6 + term_7
-    term_8 = caster_turning_omega**2*theta5 + s**2*sin_beta**2*theta8 + theta10
-    u_r_per_omega = term_3*theta6 + term_5*theta7 + term_8
-    u_l_per_v = -term_4 - term_6 + term_7
-    u_l_per_omega = caster_turning_omega*caster_turning_v*theta6 + cos_beta*s*sin_beta*theta7 - term_8
+    cos_beta_times_s = cos_beta*s
+    caster_turning_omega = e_inverse*cos_beta_times_s
+    term_1 = caster_turning_omega*caster_turning_v
+    term_2 = term_1*theta5
+    term_3 = sin_beta*cos_beta_times_s
+    term_4 = term_3*theta8
+    term_5 = caster_turning_v**2*theta6 + cos_beta**2*theta7 + theta9
+    u_r_per_v = term_2 + term_4 + term_5
+    term_6 = caster_turning_omega**2*theta5 + s**2*sin_beta**2*theta8 + theta10
+    u_r_per_omega = term_1*theta6 + term_3*theta7 + term_6
+    u_l_per_v = -term_2 - term_4 + term_5
+    u_l_per_omega = caster_turning_omega*caster_turning_v*theta6 + cos_beta*s*sin_beta*theta7 - term_6
     effort_determinant = u_l_per_omega*u_r_per_v - u_l_per_v*u_r_per_omega
     effort_determinant_inverse = 1/effort_determinant
-    term_10 = cos_phi*effort_determinant_inverse
+    term_7 = cos(phi)*effort_determinant_inverse
     sin_phi = sin(phi)
-    term_11 = effort_determinant_inverse*sin_phi
-    term_12 = L*term_11
-    term_13 = L*term_10
-    out = _empty((2, 2), x, theta, c)
-    out[0, 0] = term_10*u_l_per_omega + term_12*u_l_per_v
-    out[0, 1] = -term_10*u_r_per_omega - term_12*u_r_per_v
-    out[1, 0] = effort_determinant_inverse*sin_phi*u_l_per_omega - term_13*u_l_per_v
-    out[1, 1] = -term_11*u_r_per_omega + term_13*u_r_per_v
+    term_8 = effort_determinant_inverse*sin_phi
+    term_9 = L*term_8
+    term_10 = L*term_7
+    out = _zeros((2, 2), x, theta, c)
+    out[0, 0] = term_7*u_l_per_omega + term_9*u_l_per_v
+    out[0, 1] = -term_7*u_r_per_omega - term_9*u_r_per_v
+    out[1, 0] = effort_determinant_inverse*sin_phi*u_l_per_omega - term_10*u_l_per_v
+    out[1, 1] = -term_8*u_r_per_omega + term_10*u_r_per_v
     return out
 
 
@@ -1046,63 +926,58 @@ def inverse_regressor(x, a, c):
     c: known constants, (3,)
     Returns: shape (n_u, n_pi) = (2, 10); 67 operations.
     """
-    beta = x[3]
-    v = x[4]
-    omega = x[5]
-    a_v = a[0]
-    a_omega = a[1]
-    s = c[0]
-    e = c[1]
-    term_1 = -omega**2
-    term_2 = omega*v
+    beta, v, omega = x[3], x[4], x[5]
+    a_v, a_omega = a[0], a[1]
+    s, e = c[0], c[1]
+    omega_times_v = omega*v
     sin_beta = sin(beta)
     e_inverse = 1/e
-    term_4 = e_inverse*sin_beta
-    caster_turning_v = -term_4
+    sin_beta_over_e = e_inverse*sin_beta
+    caster_turning_v = -sin_beta_over_e
     cos_beta = cos(beta)
-    term_5 = cos_beta*e_inverse
-    caster_turning_omega = s*term_5
-    term_6 = caster_turning_omega*caster_turning_v
-    term_7 = caster_turning_v*v
+    cos_beta_over_e = cos_beta*e_inverse
+    caster_turning_omega = s*cos_beta_over_e
+    term_1 = caster_turning_omega*caster_turning_v
+    caster_turning_v_times_v = caster_turning_v*v
     beta_dot_omega = caster_turning_omega - 1
-    beta_dot = beta_dot_omega*omega + term_7
-    term_8 = beta_dot*s
-    caster_turning_omega_dot = -term_4*term_8
-    term_9 = caster_turning_omega_dot*omega
-    caster_turning_v_dot = -beta_dot*term_5
-    term_10 = (
-            a_omega*caster_turning_omega**2 + a_v*term_6 + caster_turning_omega*caster_turning_v_dot*v
-            + caster_turning_omega*term_9
-        )
-    term_11 = a_omega*term_6 + a_v*caster_turning_v**2 + caster_turning_v*term_9 + caster_turning_v_dot*term_7
+    beta_dot = beta_dot_omega*omega + caster_turning_v_times_v
+    beta_dot_times_s = beta_dot*s
+    caster_turning_omega_dot = -sin_beta_over_e*beta_dot_times_s
+    term_2 = caster_turning_omega_dot*omega
+    caster_turning_v_dot = -beta_dot*cos_beta_over_e
+    term_3 = (
+        a_omega*caster_turning_omega**2 + a_v*term_1 + caster_turning_omega*caster_turning_v_dot*v
+        + caster_turning_omega*term_2
+    )
+    term_4 = (
+        a_omega*term_1 + a_v*caster_turning_v**2 + caster_turning_v*term_2
+        + caster_turning_v_dot*caster_turning_v_times_v
+    )
     cos_beta_squared = cos_beta**2
-    term_13 = cos_beta*sin_beta
-    term_14 = s*term_13
-    term_15 = beta_dot*term_13
-    term_16 = a_omega*term_14 + a_v*cos_beta_squared + cos_beta_squared*omega*term_8 - term_15*v
+    cos_beta_times_sin_beta = cos_beta*sin_beta
+    term_5 = s*cos_beta_times_sin_beta
+    term_6 = beta_dot*cos_beta_times_sin_beta
+    term_7 = a_omega*term_5 + a_v*cos_beta_squared + cos_beta_squared*omega*beta_dot_times_s - term_6*v
     s_squared = s**2
     sin_beta_squared = sin_beta**2
-    term_19 = a_omega*s_squared*sin_beta_squared + a_v*term_14 + omega*s_squared*term_15 - sin_beta_squared*term_8*v
-    out = _empty((2, 10), x, a, c)
+    term_8 = (
+        a_omega*s_squared*sin_beta_squared + a_v*term_5 + omega*s_squared*term_6 - sin_beta_squared*beta_dot_times_s*v
+    )
+    out = _zeros((2, 10), x, a, c)
     out[0, 0] = omega
-    out[0, 1] = v
-    out[0, 2] = term_1
-    out[0, 3] = term_2
-    out[0, 4] = term_10
-    out[0, 5] = term_11
-    out[0, 6] = term_16
-    out[0, 7] = term_19
-    out[0, 8] = a_v
+    out[0, 1] = out[1, 1] = v
+    out[0, 2] = out[1, 2] = -omega**2
+    out[0, 3] = omega_times_v
+    out[0, 4] = term_3
+    out[0, 5] = out[1, 5] = term_4
+    out[0, 6] = out[1, 6] = term_7
+    out[0, 7] = term_8
+    out[0, 8] = out[1, 8] = a_v
     out[0, 9] = a_omega
     out[1, 0] = -omega
-    out[1, 1] = v
-    out[1, 2] = term_1
-    out[1, 3] = -term_2
-    out[1, 4] = -term_10
-    out[1, 5] = term_11
-    out[1, 6] = term_16
-    out[1, 7] = -term_19
-    out[1, 8] = a_v
+    out[1, 3] = -omega_times_v
+    out[1, 4] = -term_3
+    out[1, 7] = -term_8
     out[1, 9] = -a_omega
     return out
 
@@ -1114,42 +989,31 @@ def inverse_base_parameters(p):
     p: physical parameters, (17,)
     Returns: shape (n_pi,) = (10,); 36 operations.
     """
-    r = p[0]
-    r_c = p[1]
-    b = p[2]
-    d = p[3]
-    m_C = p[7]
-    m_w = p[8]
-    m_f = p[9]
-    I_C = p[10]
-    I_m = p[11]
-    I_f = p[12]
-    J_w = p[13]
-    J_f = p[14]
-    K1 = p[15]
-    K2 = p[16]
+    r, r_c, b, d, m_C, m_w, m_f, I_C, I_m, I_f, J_w, J_f, K1, K2 = (
+        p[0], p[1], p[2], p[3], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
     K1_inverse = 1/K1
-    term_2 = K1_inverse*K2/r
-    term_3 = K1_inverse*r/2
-    term_4 = d*m_C*term_3
+    term_1 = K1_inverse*K2/r
+    term_2 = K1_inverse*r/2
+    term_3 = d*m_C*term_2
     b_inverse = 1/b
-    term_6 = I_f*term_3
-    term_7 = J_f/r_c**2 + m_f
-    term_8 = b_inverse*term_3
-    term_9 = 2*J_w/r**2
-    term_10 = 2*m_w
-    mass_platform = m_C + term_10
+    term_4 = I_f*term_2
+    term_5 = J_f/r_c**2 + m_f
+    term_6 = b_inverse*term_2
+    term_7 = 2*J_w/r**2
+    term_8 = 2*m_w
+    mass_platform = m_C + term_8
     b_squared = b**2
-    inertia_platform = I_C + 2*I_m + b_squared*term_10 + d**2*m_C
-    out = _empty((10,), p)
-    out[0] = b*term_2
-    out[1] = term_2
-    out[2] = term_4
-    out[3] = b_inverse*term_4
-    out[4] = b_inverse*term_6
-    out[5] = term_6
-    out[6] = term_3*term_7
-    out[7] = term_7*term_8
-    out[8] = term_3*(mass_platform + term_9)
-    out[9] = term_8*(b_squared*term_9 + inertia_platform)
+    inertia_platform = I_C + 2*I_m + b_squared*term_8 + d**2*m_C
+    out = _zeros((10,), p)
+    out[0] = b*term_1
+    out[1] = term_1
+    out[2] = term_3
+    out[3] = b_inverse*term_3
+    out[4] = b_inverse*term_4
+    out[5] = term_4
+    out[6] = term_2*term_5
+    out[7] = term_5*term_6
+    out[8] = term_2*(mass_platform + term_7)
+    out[9] = term_6*(b_squared*term_7 + inertia_platform)
     return out

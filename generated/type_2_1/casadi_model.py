@@ -35,16 +35,8 @@ STATE = {
     "steer_forward": "m/s",
     "beta_rate": "rad/s",
 }
-INPUTS = {
-    "u_drive": "V",
-    "u_steer": "V",
-    "u_caster": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-    "y3": "rad",
-}
+INPUTS = {"u_drive": "V", "u_steer": "V", "u_caster": "V"}
+OUTPUTS = {"y1": "m", "y2": "m", "y3": "rad"}
 PARAMETERS = {
     "r": "m",
     "s": "m",
@@ -77,11 +69,7 @@ DEFAULTS = {
     "K1_s": 0.8,
     "K2_s": 0.4,
 }
-KNOWN = {
-    "s": "m",
-    "e": "m",
-    "L": "m",
-}
+KNOWN = {"s": "m", "e": "m", "L": "m"}
 BASE_PARAMETERS = {
     "theta1": "V s/m",
     "theta2": "V m s^2",
@@ -139,9 +127,6 @@ def _zeros(shape, *arguments):
     return SX.zeros(*shape)
 
 
-_empty = _zeros
-
-
 @_function(q=5, p=14)
 def constraint_matrix(q, p):
     """A(q): A(q) q' = 0; equation (2).
@@ -150,56 +135,36 @@ def constraint_matrix(q, p):
     p: physical parameters, (14,)
     Returns: shape (m, n) = (2, 5); 15 operations.
     """
-    phi = q[2]
-    beta = q[3]
-    gamma = q[4]
-    s = p[1]
-    e = p[2]
-    sin_beta_phi = sin(beta + phi)
-    cos_beta_phi = cos(beta + phi)
-    sin_gamma_phi = sin(gamma + phi)
-    cos_gamma_phi = cos(gamma + phi)
-    sin_gamma = sin(gamma)
+    phi, beta, gamma = q[2], q[3], q[4]
+    s, e = p[1], p[2]
     out = _zeros((2, 5), q, p)
-    out[0, 0] = -sin_beta_phi
-    out[0, 1] = cos_beta_phi
-    out[1, 0] = -sin_gamma_phi
-    out[1, 1] = cos_gamma_phi
-    out[1, 2] = -e - s*sin_gamma
+    out[0, 0] = -sin(beta + phi)
+    out[0, 1] = cos(beta + phi)
+    out[1, 0] = -sin(gamma + phi)
+    out[1, 1] = cos(gamma + phi)
+    out[1, 2] = -e - s*sin(gamma)
     out[1, 4] = -e
     return out
 
 
 @_function(q=5, p=14)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (5,)
     p: physical parameters, (14,)
     Returns: shape (n, n-m) = (5, 3); 13 operations.
     """
-    phi = q[2]
-    beta = q[3]
-    gamma = q[4]
-    s = p[1]
-    e = p[2]
-    cos_beta_phi = cos(beta + phi)
-    x_dot_steer_forward = cos_beta_phi
-    sin_beta_phi = sin(beta + phi)
-    y_dot_steer_forward = sin_beta_phi
-    sin_gamma = sin(gamma)
+    phi, beta, gamma = q[2], q[3], q[4]
+    s, e = p[1], p[2]
     e_inverse = 1/e
-    caster_turning_platform_turning = -e_inverse*s*sin_gamma
-    gamma_dot_platform_turning = caster_turning_platform_turning - 1
-    sin_beta_minus_gamma = sin(beta - gamma)
-    caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
+    caster_turning_platform_turning = -e_inverse*s*sin(gamma)
     out = _zeros((5, 3), q, p)
-    out[0, 1] = x_dot_steer_forward
-    out[1, 1] = y_dot_steer_forward
-    out[2, 0] = 1
-    out[3, 2] = 1
-    out[4, 0] = gamma_dot_platform_turning
-    out[4, 1] = caster_turning_steer_forward
+    out[0, 1] = cos(beta + phi)
+    out[1, 1] = sin(beta + phi)
+    out[2, 0] = out[3, 2] = 1
+    out[4, 0] = caster_turning_platform_turning - 1
+    out[4, 1] = e_inverse*sin(beta - gamma)
     return out
 
 
@@ -211,21 +176,14 @@ def actuator_rates_matrix(q, p):
     p: physical parameters, (14,)
     Returns: shape (n_u, n-m) = (3, 3); 7 operations.
     """
-    beta = q[3]
-    gamma = q[4]
-    r = p[0]
-    s = p[1]
+    beta, gamma = q[3], q[4]
+    r, s = p[0], p[1]
     r_inverse = 1/r
-    cos_gamma = cos(gamma)
-    caster_wheel_rate_platform_turning = cos_gamma*r_inverse*s
-    cos_beta_minus_gamma = cos(beta - gamma)
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    caster_wheel_rate_steer_forward = caster_forward_steer_forward*r_inverse
     out = _zeros((3, 3), q, p)
     out[0, 1] = r_inverse
     out[1, 2] = 1
-    out[2, 0] = caster_wheel_rate_platform_turning
-    out[2, 1] = caster_wheel_rate_steer_forward
+    out[2, 0] = cos(gamma)*r_inverse*s
+    out[2, 1] = cos(beta - gamma)*r_inverse
     return out
 
 
@@ -237,52 +195,36 @@ def inertia_matrix(q, p):
     p: physical parameters, (14,)
     Returns: shape (n-m, n-m) = (3, 3); 55 operations.
     """
-    beta = q[3]
-    gamma = q[4]
-    r = p[0]
-    s = p[1]
-    e = p[2]
-    d = p[3]
-    m = p[5]
-    m_w = p[6]
-    I = p[7]
-    I_w = p[8]
-    J = p[9]
+    beta, gamma = q[3], q[4]
+    r, s, e, d, m, m_w, I, I_w, J = p[0], p[1], p[2], p[3], p[5], p[6], p[7], p[8], p[9]
     cos_gamma = cos(gamma)
-    sin_gamma = sin(gamma)
     e_inverse = 1/e
-    caster_turning_platform_turning = -e_inverse*s*sin_gamma
+    caster_turning_platform_turning = -e_inverse*s*sin(gamma)
     r_inverse = 1/r
-    term_3 = cos_gamma*s
-    caster_wheel_rate_platform_turning = r_inverse*term_3
+    cos_gamma_times_s = cos_gamma*s
+    caster_wheel_rate_platform_turning = r_inverse*cos_gamma_times_s
     inertia_platform = I + d**2*m
     inertia_platform_turning_platform_turning = (
-            I_w*caster_turning_platform_turning**2 + I_w + J*caster_wheel_rate_platform_turning**2
-            + cos_gamma**2*m_w*s**2 + inertia_platform
-        )
-    cos_beta = cos(beta)
-    sin_beta_minus_gamma = sin(beta - gamma)
-    caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
+        I_w*caster_turning_platform_turning**2 + I_w + J*caster_wheel_rate_platform_turning**2 + cos_gamma**2*m_w*s**2
+        + inertia_platform
+    )
+    caster_turning_steer_forward = e_inverse*sin(beta - gamma)
     cos_beta_minus_gamma = cos(beta - gamma)
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    caster_wheel_rate_steer_forward = caster_forward_steer_forward*r_inverse
+    caster_wheel_rate_steer_forward = cos_beta_minus_gamma*r_inverse
     inertia_platform_turning_steer_forward = (
-            I_w*caster_turning_platform_turning*caster_turning_steer_forward
-            + J*caster_wheel_rate_platform_turning*caster_wheel_rate_steer_forward
-            + caster_forward_steer_forward*m_w*term_3 + cos_beta*d*m
-        )
+        I_w*caster_turning_platform_turning*caster_turning_steer_forward
+        + J*caster_wheel_rate_platform_turning*caster_wheel_rate_steer_forward
+        + cos_beta_minus_gamma*m_w*cos_gamma_times_s + cos(beta)*d*m
+    )
     inertia_steer_forward_steer_forward = (
-            I_w*caster_turning_steer_forward**2 + J*caster_wheel_rate_steer_forward**2 + J/r**2
-            + caster_forward_steer_forward**2*m_w + m + m_w
-        )
+        I_w*caster_turning_steer_forward**2 + J*caster_wheel_rate_steer_forward**2 + J/r**2
+        + cos_beta_minus_gamma**2*m_w + m + m_w
+    )
     out = _zeros((3, 3), q, p)
     out[0, 0] = inertia_platform_turning_platform_turning
-    out[0, 1] = inertia_platform_turning_steer_forward
-    out[0, 2] = I_w
-    out[1, 0] = inertia_platform_turning_steer_forward
+    out[0, 1] = out[1, 0] = inertia_platform_turning_steer_forward
+    out[0, 2] = out[2, 0] = out[2, 2] = I_w
     out[1, 1] = inertia_steer_forward_steer_forward
-    out[2, 0] = I_w
-    out[2, 2] = I_w
     return out
 
 
@@ -294,69 +236,53 @@ def coriolis_matrix(x, p):
     p: physical parameters, (14,)
     Returns: shape (n-m, n-m) = (3, 3); 88 operations.
     """
-    beta = x[3]
-    gamma = x[4]
-    platform_turning = x[5]
-    steer_forward = x[6]
-    beta_rate = x[7]
-    r = p[0]
-    s = p[1]
-    e = p[2]
-    d = p[3]
-    m = p[5]
-    m_w = p[6]
-    I_w = p[8]
-    J = p[9]
-    K2 = p[11]
-    K2_s = p[13]
-    sin_2_gamma = sin(2*gamma)
+    beta, gamma, platform_turning, steer_forward, beta_rate = x[3], x[4], x[5], x[6], x[7]
+    r, s, e, d, m, m_w, I_w, J, K2, K2_s = p[0], p[1], p[2], p[3], p[5], p[6], p[8], p[9], p[11], p[13]
     sin_gamma = sin(gamma)
     e_inverse = 1/e
-    term_2 = e_inverse*s
-    caster_turning_platform_turning = -sin_gamma*term_2
-    term_3 = I_w*caster_turning_platform_turning
+    s_over_e = e_inverse*s
+    caster_turning_platform_turning = -sin_gamma*s_over_e
+    term_1 = I_w*caster_turning_platform_turning
     cos_gamma = cos(gamma)
     r_inverse = 1/r
-    term_5 = r_inverse*s
-    caster_wheel_rate_platform_turning = cos_gamma*term_5
-    term_6 = J*caster_wheel_rate_platform_turning
+    s_over_r = r_inverse*s
+    caster_wheel_rate_platform_turning = cos_gamma*s_over_r
+    term_2 = J*caster_wheel_rate_platform_turning
     sin_beta_minus_gamma = sin(beta - gamma)
     caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
     gamma_dot_platform_turning = caster_turning_platform_turning - 1
     gamma_dot = caster_turning_steer_forward*steer_forward + gamma_dot_platform_turning*platform_turning
-    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*term_2
-    term_7 = gamma_dot*sin_gamma
-    caster_wheel_rate_platform_turning_dot = -term_5*term_7
+    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*s_over_e
+    gamma_dot_times_sin_gamma = gamma_dot*sin_gamma
+    caster_wheel_rate_platform_turning_dot = -s_over_r*gamma_dot_times_sin_gamma
     coriolis_platform_turning_platform_turning = (
-            K2*caster_wheel_rate_platform_turning**2 + caster_turning_platform_turning_dot*term_3
-            + caster_wheel_rate_platform_turning_dot*term_6 - gamma_dot*m_w*s**2*sin_2_gamma/2
-        )
+        K2*caster_wheel_rate_platform_turning**2 + caster_turning_platform_turning_dot*term_1
+        + caster_wheel_rate_platform_turning_dot*term_2 - gamma_dot*m_w*s**2*sin(2*gamma)/2
+    )
     cos_beta_minus_gamma = cos(beta - gamma)
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    caster_wheel_rate_steer_forward = caster_forward_steer_forward*r_inverse
-    term_8 = K2*caster_wheel_rate_platform_turning*caster_wheel_rate_steer_forward
+    caster_wheel_rate_steer_forward = cos_beta_minus_gamma*r_inverse
+    term_3 = K2*caster_wheel_rate_platform_turning*caster_wheel_rate_steer_forward
     caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
-    term_9 = caster_forward_steer_forward_dot*m_w
-    sin_beta = sin(beta)
-    term_10 = d*m*sin_beta
-    term_11 = platform_turning*term_10
-    term_12 = cos_beta_minus_gamma*e_inverse
-    caster_turning_steer_forward_dot = beta_rate*term_12 - gamma_dot*term_12
+    term_4 = caster_forward_steer_forward_dot*m_w
+    term_5 = d*m*sin(beta)
+    term_6 = platform_turning*term_5
+    cos_beta_minus_gamma_over_e = cos_beta_minus_gamma*e_inverse
+    caster_turning_steer_forward_dot = beta_rate*cos_beta_minus_gamma_over_e - gamma_dot*cos_beta_minus_gamma_over_e
     caster_wheel_rate_steer_forward_dot = caster_forward_steer_forward_dot*r_inverse
     coriolis_platform_turning_steer_forward = (
-            -beta_rate*term_10 + caster_turning_steer_forward_dot*term_3 + caster_wheel_rate_steer_forward_dot*term_6
-            + cos_gamma*s*term_9 - term_11 + term_8
-        )
-    term_13 = I_w*caster_turning_steer_forward
-    term_14 = J*caster_wheel_rate_steer_forward
+        -beta_rate*term_5 + caster_turning_steer_forward_dot*term_1 + caster_wheel_rate_steer_forward_dot*term_2
+        + cos_gamma*s*term_4 - term_6 + term_3
+    )
+    term_7 = I_w*caster_turning_steer_forward
+    term_8 = J*caster_wheel_rate_steer_forward
     coriolis_steer_forward_platform_turning = (
-            -caster_forward_steer_forward*m_w*s*term_7 + caster_turning_platform_turning_dot*term_13
-            + caster_wheel_rate_platform_turning_dot*term_14 + term_11 + term_8
-        )
+        -cos_beta_minus_gamma*m_w*s*gamma_dot_times_sin_gamma + caster_turning_platform_turning_dot*term_7
+        + caster_wheel_rate_platform_turning_dot*term_8 + term_6 + term_3
+    )
     coriolis_steer_forward_steer_forward = (
-            K2*caster_wheel_rate_steer_forward**2 + K2/r**2 + caster_forward_steer_forward*term_9
-            + caster_turning_steer_forward_dot*term_13 + caster_wheel_rate_steer_forward_dot*term_14
-        )
+        K2*caster_wheel_rate_steer_forward**2 + K2/r**2 + cos_beta_minus_gamma*term_4
+        + caster_turning_steer_forward_dot*term_7 + caster_wheel_rate_steer_forward_dot*term_8
+    )
     out = _zeros((3, 3), x, p)
     out[0, 0] = coriolis_platform_turning_platform_turning
     out[0, 1] = coriolis_platform_turning_steer_forward
@@ -374,18 +300,11 @@ def input_matrix(q, p):
     p: physical parameters, (14,)
     Returns: shape (n-m, n_u) = (3, 3); 10 operations.
     """
-    beta = q[3]
-    gamma = q[4]
-    r = p[0]
-    s = p[1]
-    K1 = p[10]
-    K1_s = p[12]
-    cos_gamma = cos(gamma)
+    beta, gamma = q[3], q[4]
+    r, s, K1, K1_s = p[0], p[1], p[10], p[12]
     r_inverse = 1/r
-    caster_wheel_rate_platform_turning = cos_gamma*r_inverse*s
-    cos_beta_minus_gamma = cos(beta - gamma)
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    caster_wheel_rate_steer_forward = caster_forward_steer_forward*r_inverse
+    caster_wheel_rate_platform_turning = cos(gamma)*r_inverse*s
+    caster_wheel_rate_steer_forward = cos(beta - gamma)*r_inverse
     out = _zeros((3, 3), q, p)
     out[0, 2] = K1*caster_wheel_rate_platform_turning
     out[1, 0] = K1*r_inverse
@@ -404,146 +323,118 @@ def state_derivative(x, u, w, p):
     p: physical parameters, (14,)
     Returns: shape (2n-m,) = (8,); 179 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    gamma = x[4]
-    platform_turning = x[5]
-    steer_forward = x[6]
-    beta_rate = x[7]
-    u_drive = u[0]
-    u_steer = u[1]
-    u_caster = u[2]
-    w_platform_turning = w[0]
-    w_steer_forward = w[1]
-    w_beta_rate = w[2]
-    r = p[0]
-    s = p[1]
-    e = p[2]
-    d = p[3]
-    m = p[5]
-    m_w = p[6]
-    I = p[7]
-    I_w = p[8]
-    J = p[9]
-    K1 = p[10]
-    K2 = p[11]
-    K1_s = p[12]
-    K2_s = p[13]
-    cos_beta_phi = cos(beta + phi)
-    x_dot_steer_forward = cos_beta_phi
-    sin_beta_phi = sin(beta + phi)
-    y_dot_steer_forward = sin_beta_phi
+    phi, beta, gamma, platform_turning, steer_forward, beta_rate = x[2], x[3], x[4], x[5], x[6], x[7]
+    u_drive, u_steer, u_caster = u[0], u[1], u[2]
+    w_platform_turning, w_steer_forward, w_beta_rate = w[0], w[1], w[2]
+    r, s, e, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[3], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13]
+    )
     sin_beta_minus_gamma = sin(beta - gamma)
     e_inverse = 1/e
     caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
     sin_gamma = sin(gamma)
-    term_2 = e_inverse*s
-    caster_turning_platform_turning = -sin_gamma*term_2
+    s_over_e = e_inverse*s
+    caster_turning_platform_turning = -sin_gamma*s_over_e
     gamma_dot_platform_turning = caster_turning_platform_turning - 1
     gamma_dot = caster_turning_steer_forward*steer_forward + gamma_dot_platform_turning*platform_turning
     cos_gamma = cos(gamma)
     r_inverse = 1/r
-    term_4 = r_inverse*s
-    caster_wheel_rate_platform_turning = cos_gamma*term_4
+    s_over_r = r_inverse*s
+    caster_wheel_rate_platform_turning = cos_gamma*s_over_r
     caster_wheel_rate_platform_turning_squared = caster_wheel_rate_platform_turning**2
-    term_6 = m_w*s**2
+    m_w_times_s_squared = m_w*s**2
     inertia_platform = I + d**2*m
     inertia_platform_turning_platform_turning = (
-            I_w*caster_turning_platform_turning**2 + I_w + J*caster_wheel_rate_platform_turning_squared
-            + cos_gamma**2*term_6 + inertia_platform
-        )
+        I_w*caster_turning_platform_turning**2 + I_w + J*caster_wheel_rate_platform_turning_squared
+        + cos_gamma**2*m_w_times_s_squared + inertia_platform
+    )
     inertia_platform_turning_platform_turning_inverse = 1/inertia_platform_turning_platform_turning
-    cos_beta = cos(beta)
-    term_8 = I_w*caster_turning_platform_turning
-    term_9 = J*caster_wheel_rate_platform_turning
-    term_10 = d*m
+    term_1 = I_w*caster_turning_platform_turning
+    term_2 = J*caster_wheel_rate_platform_turning
+    d_times_m = d*m
     cos_beta_minus_gamma = cos(beta - gamma)
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    term_11 = caster_forward_steer_forward*m_w
-    term_12 = cos_gamma*s
-    caster_wheel_rate_steer_forward = caster_forward_steer_forward*r_inverse
+    cos_beta_minus_gamma_times_m_w = cos_beta_minus_gamma*m_w
+    cos_gamma_times_s = cos_gamma*s
+    caster_wheel_rate_steer_forward = cos_beta_minus_gamma*r_inverse
     inertia_platform_turning_steer_forward = (
-            caster_turning_steer_forward*term_8 + caster_wheel_rate_steer_forward*term_9 + cos_beta*term_10
-            + term_11*term_12
-        )
+        caster_turning_steer_forward*term_1 + caster_wheel_rate_steer_forward*term_2 + cos(beta)*d_times_m
+        + cos_beta_minus_gamma_times_m_w*cos_gamma_times_s
+    )
     ratio_steer_forward_platform_turning = (
-            inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward
-        )
+        inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward
+    )
     ratio_beta_rate_platform_turning = I_w*inertia_platform_turning_platform_turning_inverse
-    sin_2_gamma = sin(2*gamma)
-    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*term_2
-    term_13 = gamma_dot*sin_gamma
-    caster_wheel_rate_platform_turning_dot = -term_13*term_4
+    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*s_over_e
+    gamma_dot_times_sin_gamma = gamma_dot*sin_gamma
+    caster_wheel_rate_platform_turning_dot = -gamma_dot_times_sin_gamma*s_over_r
     coriolis_platform_turning_platform_turning = (
-            K2*caster_wheel_rate_platform_turning_squared + caster_turning_platform_turning_dot*term_8
-            + caster_wheel_rate_platform_turning_dot*term_9 - gamma_dot*sin_2_gamma*term_6/2
-        )
-    term_14 = K2*caster_wheel_rate_platform_turning*caster_wheel_rate_steer_forward
-    sin_beta = sin(beta)
-    term_15 = sin_beta*term_10
-    term_16 = platform_turning*term_15
+        K2*caster_wheel_rate_platform_turning_squared + caster_turning_platform_turning_dot*term_1
+        + caster_wheel_rate_platform_turning_dot*term_2 - gamma_dot*sin(2*gamma)*m_w_times_s_squared/2
+    )
+    term_3 = K2*caster_wheel_rate_platform_turning*caster_wheel_rate_steer_forward
+    term_4 = sin(beta)*d_times_m
+    term_5 = platform_turning*term_4
     caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
-    term_17 = cos_beta_minus_gamma*e_inverse
-    caster_turning_steer_forward_dot = beta_rate*term_17 - gamma_dot*term_17
+    cos_beta_minus_gamma_over_e = cos_beta_minus_gamma*e_inverse
+    caster_turning_steer_forward_dot = beta_rate*cos_beta_minus_gamma_over_e - gamma_dot*cos_beta_minus_gamma_over_e
     caster_wheel_rate_steer_forward_dot = caster_forward_steer_forward_dot*r_inverse
     coriolis_platform_turning_steer_forward = (
-            -beta_rate*term_15 + caster_forward_steer_forward_dot*m_w*term_12 + caster_turning_steer_forward_dot*term_8
-            + caster_wheel_rate_steer_forward_dot*term_9 + term_14 - term_16
-        )
+        -beta_rate*term_4 + caster_forward_steer_forward_dot*m_w*cos_gamma_times_s
+        + caster_turning_steer_forward_dot*term_1 + caster_wheel_rate_steer_forward_dot*term_2 + term_3 - term_5
+    )
     force_platform_turning = (
-            K1*caster_wheel_rate_platform_turning*u_caster - coriolis_platform_turning_platform_turning*platform_turning
-            - coriolis_platform_turning_steer_forward*steer_forward - w_platform_turning
-        )
+        K1*caster_wheel_rate_platform_turning*u_caster - coriolis_platform_turning_platform_turning*platform_turning
+        - coriolis_platform_turning_steer_forward*steer_forward - w_platform_turning
+    )
     caster_wheel_rate_steer_forward_squared = caster_wheel_rate_steer_forward**2
-    term_19 = 1/(r**2)
+    r_squared_inverse = 1/(r**2)
     inertia_steer_forward_steer_forward = (
-            I_w*caster_turning_steer_forward**2 + J*caster_wheel_rate_steer_forward_squared + J*term_19
-            + caster_forward_steer_forward**2*m_w + m + m_w
-        )
+        I_w*caster_turning_steer_forward**2 + J*caster_wheel_rate_steer_forward_squared + J*r_squared_inverse
+        + cos_beta_minus_gamma**2*m_w + m + m_w
+    )
     pivot_steer_forward = (
-            -inertia_platform_turning_platform_turning*ratio_steer_forward_platform_turning**2
-            + inertia_steer_forward_steer_forward
-        )
+        -inertia_platform_turning_platform_turning*ratio_steer_forward_platform_turning**2
+        + inertia_steer_forward_steer_forward
+    )
     pivot_steer_forward_inverse = 1/pivot_steer_forward
     ratio_beta_rate_steer_forward = (
-            -inertia_platform_turning_platform_turning*pivot_steer_forward_inverse*ratio_beta_rate_platform_turning*ratio_steer_forward_platform_turning
-        )
+        -inertia_platform_turning_platform_turning*pivot_steer_forward_inverse*ratio_beta_rate_platform_turning
+        *ratio_steer_forward_platform_turning
+    )
     pivot_beta_rate = (
-            I_w - inertia_platform_turning_platform_turning*ratio_beta_rate_platform_turning**2
-            - pivot_steer_forward*ratio_beta_rate_steer_forward**2
-        )
-    term_21 = I_w*caster_turning_steer_forward
-    term_22 = J*caster_wheel_rate_steer_forward
+        I_w - inertia_platform_turning_platform_turning*ratio_beta_rate_platform_turning**2
+        - pivot_steer_forward*ratio_beta_rate_steer_forward**2
+    )
+    term_6 = I_w*caster_turning_steer_forward
+    term_7 = J*caster_wheel_rate_steer_forward
     coriolis_steer_forward_platform_turning = (
-            caster_turning_platform_turning_dot*term_21 + caster_wheel_rate_platform_turning_dot*term_22
-            - s*term_11*term_13 + term_14 + term_16
-        )
+        caster_turning_platform_turning_dot*term_6 + caster_wheel_rate_platform_turning_dot*term_7
+        - s*cos_beta_minus_gamma_times_m_w*gamma_dot_times_sin_gamma + term_3 + term_5
+    )
     coriolis_steer_forward_steer_forward = (
-            K2*caster_wheel_rate_steer_forward_squared + K2*term_19 + caster_forward_steer_forward_dot*term_11
-            + caster_turning_steer_forward_dot*term_21 + caster_wheel_rate_steer_forward_dot*term_22
-        )
+        K2*caster_wheel_rate_steer_forward_squared + K2*r_squared_inverse
+        + caster_forward_steer_forward_dot*cos_beta_minus_gamma_times_m_w + caster_turning_steer_forward_dot*term_6
+        + caster_wheel_rate_steer_forward_dot*term_7
+    )
     force_steer_forward = (
-            K1*caster_wheel_rate_steer_forward*u_caster + K1*r_inverse*u_drive
-            - coriolis_steer_forward_platform_turning*platform_turning
-            - coriolis_steer_forward_steer_forward*steer_forward
-            - force_platform_turning*ratio_steer_forward_platform_turning - w_steer_forward
-        )
+        K1*caster_wheel_rate_steer_forward*u_caster + K1*r_inverse*u_drive
+        - coriolis_steer_forward_platform_turning*platform_turning - coriolis_steer_forward_steer_forward*steer_forward
+        - force_platform_turning*ratio_steer_forward_platform_turning - w_steer_forward
+    )
     force_beta_rate = (
-            K1_s*u_steer - K2_s*beta_rate - force_platform_turning*ratio_beta_rate_platform_turning
-            - force_steer_forward*ratio_beta_rate_steer_forward - w_beta_rate
-        )
+        K1_s*u_steer - K2_s*beta_rate - force_platform_turning*ratio_beta_rate_platform_turning
+        - force_steer_forward*ratio_beta_rate_steer_forward - w_beta_rate
+    )
     beta_rate_dot = force_beta_rate/pivot_beta_rate
-    steer_forward_dot = (
-            -beta_rate_dot*ratio_beta_rate_steer_forward + force_steer_forward*pivot_steer_forward_inverse
-        )
+    steer_forward_dot = -beta_rate_dot*ratio_beta_rate_steer_forward + force_steer_forward*pivot_steer_forward_inverse
     platform_turning_dot = (
-            -beta_rate_dot*ratio_beta_rate_platform_turning
-            + force_platform_turning*inertia_platform_turning_platform_turning_inverse
-            - ratio_steer_forward_platform_turning*steer_forward_dot
-        )
-    out = _empty((8,), x, u, w, p)
-    out[0] = steer_forward*x_dot_steer_forward
-    out[1] = steer_forward*y_dot_steer_forward
+        -beta_rate_dot*ratio_beta_rate_platform_turning
+        + force_platform_turning*inertia_platform_turning_platform_turning_inverse
+        - ratio_steer_forward_platform_turning*steer_forward_dot
+    )
+    out = _zeros((8,), x, u, w, p)
+    out[0] = steer_forward*cos(beta + phi)
+    out[1] = steer_forward*sin(beta + phi)
     out[2] = platform_turning
     out[3] = beta_rate
     out[4] = gamma_dot
@@ -555,501 +446,474 @@ def state_derivative(x, u, w, p):
 
 @_function(x=8, u=3, w=3, p=14)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (8,)
     u: motor voltages, (3,)
     w: generalized forces on v, Fbar + taubar_d, (3,)
     p: physical parameters, (14,)
-    Returns: shape (2n-m, 2n-m) = (8, 8); 628 operations.
+    Returns: shape (2n-m, 2n-m) = (8, 8); 618 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    gamma = x[4]
-    platform_turning = x[5]
-    steer_forward = x[6]
-    beta_rate = x[7]
-    u_drive = u[0]
-    u_steer = u[1]
-    u_caster = u[2]
-    w_platform_turning = w[0]
-    w_steer_forward = w[1]
-    w_beta_rate = w[2]
-    r = p[0]
-    s = p[1]
-    e = p[2]
-    d = p[3]
-    m = p[5]
-    m_w = p[6]
-    I = p[7]
-    I_w = p[8]
-    J = p[9]
-    K1 = p[10]
-    K2 = p[11]
-    K1_s = p[12]
-    K2_s = p[13]
+    phi, beta, gamma, platform_turning, steer_forward, beta_rate = x[2], x[3], x[4], x[5], x[6], x[7]
+    u_drive, u_steer, u_caster = u[0], u[1], u[2]
+    w_platform_turning, w_steer_forward, w_beta_rate = w[0], w[1], w[2]
+    r, s, e, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[3], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13]
+    )
     sin_beta_phi = sin(beta + phi)
-    y_dot_steer_forward = sin_beta_phi
-    term_1 = -steer_forward*y_dot_steer_forward
     cos_beta_phi = cos(beta + phi)
-    x_dot_steer_forward = cos_beta_phi
-    term_2 = steer_forward*x_dot_steer_forward
     cos_beta_minus_gamma = cos(beta - gamma)
     e_inverse = 1/e
     caster_turning_steer_forward_by_beta = cos_beta_minus_gamma*e_inverse
-    term_4 = caster_turning_steer_forward_by_beta*steer_forward
+    term_1 = caster_turning_steer_forward_by_beta*steer_forward
     cos_gamma = cos(gamma)
-    term_5 = e_inverse*s
-    term_6 = cos_gamma*term_5
-    caster_turning_platform_turning_by_gamma = -term_6
-    gamma_dot_by_gamma = caster_turning_platform_turning_by_gamma*platform_turning - term_4
+    s_over_e = e_inverse*s
+    caster_turning_platform_turning_by_gamma = -cos_gamma*s_over_e
+    gamma_dot_by_gamma = caster_turning_platform_turning_by_gamma*platform_turning - term_1
     sin_gamma = sin(gamma)
-    caster_turning_platform_turning = -sin_gamma*term_5
+    caster_turning_platform_turning = -sin_gamma*s_over_e
     gamma_dot_platform_turning = caster_turning_platform_turning - 1
     sin_beta_minus_gamma = sin(beta - gamma)
     caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
     r_inverse = 1/r
-    term_8 = r_inverse*s
-    caster_wheel_rate_platform_turning = cos_gamma*term_8
+    s_over_r = r_inverse*s
+    caster_wheel_rate_platform_turning = cos_gamma*s_over_r
     caster_wheel_rate_platform_turning_squared = caster_wheel_rate_platform_turning**2
-    term_10 = m_w*s**2
+    m_w_times_s_squared = m_w*s**2
     inertia_platform = I + d**2*m
     inertia_platform_turning_platform_turning = (
-            I_w*caster_turning_platform_turning**2 + I_w + J*caster_wheel_rate_platform_turning_squared
-            + cos_gamma**2*term_10 + inertia_platform
-        )
+        I_w*caster_turning_platform_turning**2 + I_w + J*caster_wheel_rate_platform_turning_squared
+        + cos_gamma**2*m_w_times_s_squared + inertia_platform
+    )
     inertia_platform_turning_platform_turning_inverse = 1/inertia_platform_turning_platform_turning
-    term_12 = I_w*caster_turning_platform_turning
-    term_13 = J*caster_wheel_rate_platform_turning
-    cos_beta = cos(beta)
-    term_14 = d*m
-    term_15 = cos_beta*term_14
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    term_16 = caster_forward_steer_forward*m_w
-    term_17 = cos_gamma*s
-    term_18 = term_16*term_17
-    caster_wheel_rate_steer_forward = caster_forward_steer_forward*r_inverse
+    term_2 = I_w*caster_turning_platform_turning
+    term_3 = J*caster_wheel_rate_platform_turning
+    d_times_m = d*m
+    term_4 = cos(beta)*d_times_m
+    cos_beta_minus_gamma_times_m_w = cos_beta_minus_gamma*m_w
+    cos_gamma_times_s = cos_gamma*s
+    term_5 = cos_beta_minus_gamma_times_m_w*cos_gamma_times_s
+    caster_wheel_rate_steer_forward = cos_beta_minus_gamma*r_inverse
     inertia_platform_turning_steer_forward = (
-            caster_turning_steer_forward*term_12 + caster_wheel_rate_steer_forward*term_13 + term_15 + term_18
-        )
+        caster_turning_steer_forward*term_2 + caster_wheel_rate_steer_forward*term_3 + term_4 + term_5
+    )
     ratio_steer_forward_platform_turning = (
-            inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward
-        )
+        inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward
+    )
     ratio_beta_rate_platform_turning = I_w*inertia_platform_turning_platform_turning_inverse
     ratio_steer_forward_platform_turning_squared = ratio_steer_forward_platform_turning**2
     caster_wheel_rate_steer_forward_squared = caster_wheel_rate_steer_forward**2
-    term_21 = 1/(r**2)
+    r_squared_inverse = 1/(r**2)
     inertia_steer_forward_steer_forward = (
-            I_w*caster_turning_steer_forward**2 + J*caster_wheel_rate_steer_forward_squared + J*term_21
-            + caster_forward_steer_forward**2*m_w + m + m_w
-        )
+        I_w*caster_turning_steer_forward**2 + J*caster_wheel_rate_steer_forward_squared + J*r_squared_inverse
+        + cos_beta_minus_gamma**2*m_w + m + m_w
+    )
     pivot_steer_forward = (
-            -inertia_platform_turning_platform_turning*ratio_steer_forward_platform_turning_squared
-            + inertia_steer_forward_steer_forward
-        )
+        -inertia_platform_turning_platform_turning*ratio_steer_forward_platform_turning_squared
+        + inertia_steer_forward_steer_forward
+    )
     pivot_steer_forward_inverse = 1/pivot_steer_forward
-    term_23 = inertia_platform_turning_platform_turning*ratio_steer_forward_platform_turning
-    term_24 = pivot_steer_forward_inverse*ratio_beta_rate_platform_turning
-    ratio_beta_rate_steer_forward = -term_23*term_24
-    term_25 = sin_gamma*term_8
+    term_6 = inertia_platform_turning_platform_turning*ratio_steer_forward_platform_turning
+    term_7 = pivot_steer_forward_inverse*ratio_beta_rate_platform_turning
+    ratio_beta_rate_steer_forward = -term_6*term_7
+    caster_wheel_rate_platform_turning_by_gamma = -sin_gamma*s_over_r
     gamma_dot = caster_turning_steer_forward*steer_forward + gamma_dot_platform_turning*platform_turning
-    caster_wheel_rate_platform_turning_dot = -gamma_dot*term_25
-    term_26 = J*caster_wheel_rate_platform_turning_dot
-    term_27 = K2*caster_wheel_rate_platform_turning
-    term_28 = caster_wheel_rate_steer_forward*term_27
-    sin_beta = sin(beta)
-    term_29 = sin_beta*term_14
-    term_30 = platform_turning*term_29
-    term_31 = I_w*caster_turning_steer_forward
-    term_32 = s*sin_gamma
-    term_33 = term_16*term_32
-    caster_turning_platform_turning_dot = -gamma_dot*term_6
+    caster_wheel_rate_platform_turning_dot = gamma_dot*caster_wheel_rate_platform_turning_by_gamma
+    term_8 = J*caster_wheel_rate_platform_turning_dot
+    term_9 = K2*caster_wheel_rate_platform_turning
+    term_10 = caster_wheel_rate_steer_forward*term_9
+    term_11 = sin(beta)*d_times_m
+    term_12 = platform_turning*term_11
+    term_13 = I_w*caster_turning_steer_forward
+    s_times_sin_gamma = s*sin_gamma
+    term_14 = cos_beta_minus_gamma_times_m_w*s_times_sin_gamma
+    caster_turning_platform_turning_dot = gamma_dot*caster_turning_platform_turning_by_gamma
     coriolis_steer_forward_platform_turning = (
-            caster_turning_platform_turning_dot*term_31 + caster_wheel_rate_steer_forward*term_26 - gamma_dot*term_33
-            + term_28 + term_30
-        )
+        caster_turning_platform_turning_dot*term_13 + caster_wheel_rate_steer_forward*term_8 - gamma_dot*term_14
+        + term_10 + term_12
+    )
     caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
     caster_wheel_rate_steer_forward_dot = caster_forward_steer_forward_dot*r_inverse
-    term_34 = J*caster_wheel_rate_steer_forward_dot
+    term_15 = J*caster_wheel_rate_steer_forward_dot
     caster_turning_steer_forward_dot = (
-            beta_rate*caster_turning_steer_forward_by_beta - caster_turning_steer_forward_by_beta*gamma_dot
-        )
+        beta_rate*caster_turning_steer_forward_by_beta - caster_turning_steer_forward_by_beta*gamma_dot
+    )
     coriolis_steer_forward_steer_forward = (
-            K2*caster_wheel_rate_steer_forward_squared + K2*term_21 + caster_forward_steer_forward_dot*term_16
-            + caster_turning_steer_forward_dot*term_31 + caster_wheel_rate_steer_forward*term_34
-        )
-    term_35 = gamma_dot*term_10
-    sin_2_gamma = sin(2*gamma)
-    term_36 = sin_2_gamma/2
+        K2*caster_wheel_rate_steer_forward_squared + K2*r_squared_inverse
+        + caster_forward_steer_forward_dot*cos_beta_minus_gamma_times_m_w + caster_turning_steer_forward_dot*term_13
+        + caster_wheel_rate_steer_forward*term_15
+    )
+    term_16 = gamma_dot*m_w_times_s_squared
+    term_17 = sin(2*gamma)/2
     coriolis_platform_turning_platform_turning = (
-            K2*caster_wheel_rate_platform_turning_squared + caster_turning_platform_turning_dot*term_12
-            + caster_wheel_rate_platform_turning*term_26 - term_35*term_36
-        )
-    term_37 = caster_forward_steer_forward_dot*m_w
+        K2*caster_wheel_rate_platform_turning_squared + caster_turning_platform_turning_dot*term_2
+        + caster_wheel_rate_platform_turning*term_8 - term_16*term_17
+    )
+    term_18 = caster_forward_steer_forward_dot*m_w
     coriolis_platform_turning_steer_forward = (
-            -beta_rate*term_29 + caster_turning_steer_forward_dot*term_12 + caster_wheel_rate_platform_turning*term_34
-            + term_17*term_37 + term_28 - term_30
-        )
+        -beta_rate*term_11 + caster_turning_steer_forward_dot*term_2 + caster_wheel_rate_platform_turning*term_15
+        + cos_gamma_times_s*term_18 + term_10 - term_12
+    )
     force_platform_turning = (
-            K1*caster_wheel_rate_platform_turning*u_caster - coriolis_platform_turning_platform_turning*platform_turning
-            - coriolis_platform_turning_steer_forward*steer_forward - w_platform_turning
-        )
+        K1*caster_wheel_rate_platform_turning*u_caster - coriolis_platform_turning_platform_turning*platform_turning
+        - coriolis_platform_turning_steer_forward*steer_forward - w_platform_turning
+    )
     force_steer_forward = (
-            K1*caster_wheel_rate_steer_forward*u_caster + K1*r_inverse*u_drive
-            - coriolis_steer_forward_platform_turning*platform_turning
-            - coriolis_steer_forward_steer_forward*steer_forward
-            - force_platform_turning*ratio_steer_forward_platform_turning - w_steer_forward
-        )
+        K1*caster_wheel_rate_steer_forward*u_caster + K1*r_inverse*u_drive
+        - coriolis_steer_forward_platform_turning*platform_turning - coriolis_steer_forward_steer_forward*steer_forward
+        - force_platform_turning*ratio_steer_forward_platform_turning - w_steer_forward
+    )
     ratio_beta_rate_platform_turning_squared = ratio_beta_rate_platform_turning**2
     ratio_beta_rate_steer_forward_squared = ratio_beta_rate_steer_forward**2
     pivot_beta_rate = (
-            I_w - inertia_platform_turning_platform_turning*ratio_beta_rate_platform_turning_squared
-            - pivot_steer_forward*ratio_beta_rate_steer_forward_squared
-        )
+        I_w - inertia_platform_turning_platform_turning*ratio_beta_rate_platform_turning_squared
+        - pivot_steer_forward*ratio_beta_rate_steer_forward_squared
+    )
     pivot_beta_rate_inverse = 1/pivot_beta_rate
     force_beta_rate = (
-            K1_s*u_steer - K2_s*beta_rate - force_platform_turning*ratio_beta_rate_platform_turning
-            - force_steer_forward*ratio_beta_rate_steer_forward - w_beta_rate
-        )
+        K1_s*u_steer - K2_s*beta_rate - force_platform_turning*ratio_beta_rate_platform_turning
+        - force_steer_forward*ratio_beta_rate_steer_forward - w_beta_rate
+    )
     beta_rate_dot = force_beta_rate*pivot_beta_rate_inverse
-    steer_forward_dot = (
-            -beta_rate_dot*ratio_beta_rate_steer_forward + force_steer_forward*pivot_steer_forward_inverse
-        )
-    term_41 = term_10*term_36
-    caster_turning_platform_turning_dot_by_beta = -term_4*term_6
-    caster_wheel_rate_platform_turning_dot_by_beta = -term_25*term_4
+    steer_forward_dot = -beta_rate_dot*ratio_beta_rate_steer_forward + force_steer_forward*pivot_steer_forward_inverse
+    term_19 = m_w_times_s_squared*term_17
+    caster_turning_platform_turning_dot_by_beta = term_1*caster_turning_platform_turning_by_gamma
+    caster_wheel_rate_platform_turning_dot_by_beta = caster_wheel_rate_platform_turning_by_gamma*term_1
     coriolis_platform_turning_platform_turning_by_beta = (
-            caster_turning_platform_turning_dot_by_beta*term_12 + caster_wheel_rate_platform_turning_dot_by_beta*term_13
-            - term_4*term_41
-        )
-    term_42 = m_w*term_17
-    term_43 = platform_turning*term_15
-    term_44 = cos_beta_minus_gamma*gamma_dot
-    term_45 = beta_rate*cos_beta_minus_gamma
-    caster_forward_steer_forward_dot_by_beta = sin_beta_minus_gamma*term_4 + term_44 - term_45
-    term_46 = beta_rate*caster_turning_steer_forward
-    term_47 = caster_turning_steer_forward*gamma_dot
-    caster_turning_steer_forward_dot_by_beta = -caster_turning_steer_forward_by_beta*term_4 - term_46 + term_47
+        caster_turning_platform_turning_dot_by_beta*term_2 + caster_wheel_rate_platform_turning_dot_by_beta*term_3
+        - term_1*term_19
+    )
+    m_w_times_cos_gamma_times_s = m_w*cos_gamma_times_s
+    term_20 = platform_turning*term_4
+    term_21 = cos_beta_minus_gamma*gamma_dot
+    term_22 = beta_rate*cos_beta_minus_gamma
+    caster_forward_steer_forward_dot_by_beta = sin_beta_minus_gamma*term_1 + term_21 - term_22
+    term_23 = beta_rate*caster_turning_steer_forward
+    term_24 = caster_turning_steer_forward*gamma_dot
+    caster_turning_steer_forward_dot_by_beta = -caster_turning_steer_forward_by_beta*term_1 - term_23 + term_24
     caster_forward_steer_forward_by_beta = -sin_beta_minus_gamma
     caster_wheel_rate_steer_forward_by_beta = caster_forward_steer_forward_by_beta*r_inverse
     caster_wheel_rate_steer_forward_dot_by_beta = caster_forward_steer_forward_dot_by_beta*r_inverse
     coriolis_platform_turning_steer_forward_by_beta = (
-            -beta_rate*term_15 + caster_forward_steer_forward_dot_by_beta*term_42
-            + caster_turning_steer_forward_dot_by_beta*term_12 + caster_wheel_rate_steer_forward_by_beta*term_27
-            + caster_wheel_rate_steer_forward_dot_by_beta*term_13 - term_43
-        )
+        -beta_rate*term_4 + caster_forward_steer_forward_dot_by_beta*m_w_times_cos_gamma_times_s
+        + caster_turning_steer_forward_dot_by_beta*term_2 + caster_wheel_rate_steer_forward_by_beta*term_9
+        + caster_wheel_rate_steer_forward_dot_by_beta*term_3 - term_20
+    )
     force_platform_turning_by_beta = (
-            -coriolis_platform_turning_platform_turning_by_beta*platform_turning
-            - coriolis_platform_turning_steer_forward_by_beta*steer_forward
-        )
-    term_48 = caster_turning_steer_forward_by_beta*term_12
-    term_49 = -term_29
+        -coriolis_platform_turning_platform_turning_by_beta*platform_turning
+        - coriolis_platform_turning_steer_forward_by_beta*steer_forward
+    )
+    term_25 = caster_turning_steer_forward_by_beta*term_2
     inertia_platform_turning_steer_forward_by_beta = (
-            caster_forward_steer_forward_by_beta*term_42 + caster_wheel_rate_steer_forward_by_beta*term_13 + term_48
-            + term_49
-        )
+        caster_forward_steer_forward_by_beta*m_w_times_cos_gamma_times_s
+        + caster_wheel_rate_steer_forward_by_beta*term_3 + term_25 - term_11
+    )
     ratio_steer_forward_platform_turning_by_beta = (
-            inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward_by_beta
-        )
-    term_50 = force_beta_rate/pivot_beta_rate**2
-    term_51 = I_w*caster_turning_steer_forward_by_beta
-    term_52 = caster_turning_platform_turning_dot*term_51
-    term_53 = J*caster_wheel_rate_steer_forward
-    term_54 = gamma_dot*m_w*term_32
-    term_55 = term_26 + term_27
+        inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward_by_beta
+    )
+    term_26 = force_beta_rate/pivot_beta_rate**2
+    term_27 = I_w*caster_turning_steer_forward_by_beta
+    term_28 = caster_turning_platform_turning_dot*term_27
+    term_29 = J*caster_wheel_rate_steer_forward
+    term_30 = gamma_dot*m_w*s_times_sin_gamma
+    term_31 = term_8 + term_9
     coriolis_steer_forward_platform_turning_by_beta = (
-            -caster_forward_steer_forward_by_beta*term_54 + caster_turning_platform_turning_dot_by_beta*term_31
-            + caster_wheel_rate_platform_turning_dot_by_beta*term_53 + caster_wheel_rate_steer_forward_by_beta*term_55
-            - term_33*term_4 + term_43 + term_52
-        )
-    term_56 = caster_turning_steer_forward_dot*term_51
-    term_57 = K2*caster_wheel_rate_steer_forward
-    term_58 = term_34 + 2*term_57
+        -caster_forward_steer_forward_by_beta*term_30 + caster_turning_platform_turning_dot_by_beta*term_13
+        + caster_wheel_rate_platform_turning_dot_by_beta*term_29 + caster_wheel_rate_steer_forward_by_beta*term_31
+        - term_14*term_1 + term_20 + term_28
+    )
+    term_32 = caster_turning_steer_forward_dot*term_27
+    term_33 = K2*caster_wheel_rate_steer_forward
+    term_34 = term_15 + 2*term_33
     coriolis_steer_forward_steer_forward_by_beta = (
-            caster_forward_steer_forward_by_beta*term_37 + caster_forward_steer_forward_dot_by_beta*term_16
-            + caster_turning_steer_forward_dot_by_beta*term_31 + caster_wheel_rate_steer_forward_by_beta*term_58
-            + caster_wheel_rate_steer_forward_dot_by_beta*term_53 + term_56
-        )
+        caster_forward_steer_forward_by_beta*term_18
+        + caster_forward_steer_forward_dot_by_beta*cos_beta_minus_gamma_times_m_w
+        + caster_turning_steer_forward_dot_by_beta*term_13 + caster_wheel_rate_steer_forward_by_beta*term_34
+        + caster_wheel_rate_steer_forward_dot_by_beta*term_29 + term_32
+    )
     force_steer_forward_by_beta = (
-            K1*caster_wheel_rate_steer_forward_by_beta*u_caster
-            - coriolis_steer_forward_platform_turning_by_beta*platform_turning
-            - coriolis_steer_forward_steer_forward_by_beta*steer_forward
-            - force_platform_turning*ratio_steer_forward_platform_turning_by_beta
-            - force_platform_turning_by_beta*ratio_steer_forward_platform_turning
-        )
-    term_59 = inertia_platform_turning_platform_turning*term_24
-    term_60 = 1/(pivot_steer_forward**2)
-    term_61 = 2*term_23
-    term_62 = caster_turning_steer_forward_by_beta*term_31
-    term_63 = 2*term_62
-    term_64 = caster_wheel_rate_steer_forward_by_beta*term_53
-    term_65 = caster_forward_steer_forward_by_beta*term_16
-    inertia_steer_forward_steer_forward_by_beta = term_63 + 2*term_64 + 2*term_65
+        K1*caster_wheel_rate_steer_forward_by_beta*u_caster
+        - coriolis_steer_forward_platform_turning_by_beta*platform_turning
+        - coriolis_steer_forward_steer_forward_by_beta*steer_forward
+        - force_platform_turning*ratio_steer_forward_platform_turning_by_beta
+        - force_platform_turning_by_beta*ratio_steer_forward_platform_turning
+    )
+    term_35 = inertia_platform_turning_platform_turning*term_7
+    term_36 = 1/(pivot_steer_forward**2)
+    term_37 = 2*term_6
+    term_38 = caster_turning_steer_forward_by_beta*term_13
+    term_39 = 2*term_38
+    term_40 = caster_wheel_rate_steer_forward_by_beta*term_29
+    term_41 = caster_forward_steer_forward_by_beta*cos_beta_minus_gamma_times_m_w
+    inertia_steer_forward_steer_forward_by_beta = term_39 + 2*term_40 + 2*term_41
     pivot_steer_forward_by_beta = (
-            inertia_steer_forward_steer_forward_by_beta - ratio_steer_forward_platform_turning_by_beta*term_61
-        )
+        inertia_steer_forward_steer_forward_by_beta - ratio_steer_forward_platform_turning_by_beta*term_37
+    )
     ratio_beta_rate_steer_forward_by_beta = (
-            inertia_platform_turning_platform_turning*pivot_steer_forward_by_beta*ratio_beta_rate_platform_turning*ratio_steer_forward_platform_turning*term_60
-            - ratio_steer_forward_platform_turning_by_beta*term_59
-        )
+        inertia_platform_turning_platform_turning*pivot_steer_forward_by_beta*ratio_beta_rate_platform_turning
+        *ratio_steer_forward_platform_turning*term_36 - ratio_steer_forward_platform_turning_by_beta*term_35
+    )
     force_beta_rate_by_beta = (
-            -force_platform_turning_by_beta*ratio_beta_rate_platform_turning
-            - force_steer_forward*ratio_beta_rate_steer_forward_by_beta
-            - force_steer_forward_by_beta*ratio_beta_rate_steer_forward
-        )
-    term_66 = 2*pivot_steer_forward*ratio_beta_rate_steer_forward
+        -force_platform_turning_by_beta*ratio_beta_rate_platform_turning
+        - force_steer_forward*ratio_beta_rate_steer_forward_by_beta
+        - force_steer_forward_by_beta*ratio_beta_rate_steer_forward
+    )
+    term_42 = 2*pivot_steer_forward*ratio_beta_rate_steer_forward
     pivot_beta_rate_by_beta = (
-            -pivot_steer_forward_by_beta*ratio_beta_rate_steer_forward_squared
-            - ratio_beta_rate_steer_forward_by_beta*term_66
-        )
-    beta_rate_dot_by_beta = force_beta_rate_by_beta*pivot_beta_rate_inverse - pivot_beta_rate_by_beta*term_50
-    term_67 = force_steer_forward*term_60
+        -pivot_steer_forward_by_beta*ratio_beta_rate_steer_forward_squared
+        - ratio_beta_rate_steer_forward_by_beta*term_42
+    )
+    beta_rate_dot_by_beta = force_beta_rate_by_beta*pivot_beta_rate_inverse - pivot_beta_rate_by_beta*term_26
+    term_43 = force_steer_forward*term_36
     steer_forward_dot_by_beta = (
-            -beta_rate_dot*ratio_beta_rate_steer_forward_by_beta - beta_rate_dot_by_beta*ratio_beta_rate_steer_forward
-            + force_steer_forward_by_beta*pivot_steer_forward_inverse - pivot_steer_forward_by_beta*term_67
-        )
+        -beta_rate_dot*ratio_beta_rate_steer_forward_by_beta - beta_rate_dot_by_beta*ratio_beta_rate_steer_forward
+        + force_steer_forward_by_beta*pivot_steer_forward_inverse - pivot_steer_forward_by_beta*term_43
+    )
     platform_turning_dot_by_beta = (
-            -beta_rate_dot_by_beta*ratio_beta_rate_platform_turning
-            + force_platform_turning_by_beta*inertia_platform_turning_platform_turning_inverse
-            - ratio_steer_forward_platform_turning*steer_forward_dot_by_beta
-            - ratio_steer_forward_platform_turning_by_beta*steer_forward_dot
-        )
-    caster_wheel_rate_platform_turning_by_gamma = -term_25
+        -beta_rate_dot_by_beta*ratio_beta_rate_platform_turning
+        + force_platform_turning_by_beta*inertia_platform_turning_platform_turning_inverse
+        - ratio_steer_forward_platform_turning*steer_forward_dot_by_beta
+        - ratio_steer_forward_platform_turning_by_beta*steer_forward_dot
+    )
     inertia_platform_turning_platform_turning_by_gamma = (
-            2*caster_turning_platform_turning_by_gamma*term_12 + 2*caster_wheel_rate_platform_turning_by_gamma*term_13
-            - 2*cos_gamma*sin_gamma*term_10
-        )
-    term_68 = inertia_platform_turning_platform_turning_by_gamma/inertia_platform_turning_platform_turning**2
-    cos_2_gamma = cos(2*gamma)
-    term_69 = I_w*caster_turning_platform_turning_by_gamma
-    caster_turning_platform_turning_dot_by_gamma = e_inverse*gamma_dot*s*sin_gamma - gamma_dot_by_gamma*term_6
+        2*caster_turning_platform_turning_by_gamma*term_2 + 2*caster_wheel_rate_platform_turning_by_gamma*term_3
+        - 2*cos_gamma*sin_gamma*m_w_times_s_squared
+    )
+    term_44 = inertia_platform_turning_platform_turning_by_gamma/inertia_platform_turning_platform_turning**2
+    term_45 = I_w*caster_turning_platform_turning_by_gamma
+    caster_turning_platform_turning_dot_by_gamma = (
+        e_inverse*gamma_dot*s*sin_gamma + gamma_dot_by_gamma*caster_turning_platform_turning_by_gamma
+    )
     caster_wheel_rate_platform_turning_dot_by_gamma = (
-            -caster_wheel_rate_platform_turning*gamma_dot - gamma_dot_by_gamma*term_25
-        )
+        -caster_wheel_rate_platform_turning*gamma_dot + gamma_dot_by_gamma*caster_wheel_rate_platform_turning_by_gamma
+    )
     coriolis_platform_turning_platform_turning_by_gamma = (
-            caster_turning_platform_turning_dot*term_69 + caster_turning_platform_turning_dot_by_gamma*term_12
-            + caster_wheel_rate_platform_turning_by_gamma*(term_26 + 2*term_27)
-            + caster_wheel_rate_platform_turning_dot_by_gamma*term_13 - cos_2_gamma*term_35 - gamma_dot_by_gamma*term_41
-        )
-    caster_forward_steer_forward_dot_by_gamma = gamma_dot_by_gamma*sin_beta_minus_gamma - term_44 + term_45
+        caster_turning_platform_turning_dot*term_45 + caster_turning_platform_turning_dot_by_gamma*term_2
+        + caster_wheel_rate_platform_turning_by_gamma*(term_8 + 2*term_9)
+        + caster_wheel_rate_platform_turning_dot_by_gamma*term_3 - cos(2*gamma)*term_16 - gamma_dot_by_gamma*term_19
+    )
+    caster_forward_steer_forward_dot_by_gamma = gamma_dot_by_gamma*sin_beta_minus_gamma - term_21 + term_22
     caster_turning_steer_forward_dot_by_gamma = (
-            -caster_turning_steer_forward_by_beta*gamma_dot_by_gamma + term_46 - term_47
-        )
-    caster_forward_steer_forward_by_gamma = sin_beta_minus_gamma
-    caster_wheel_rate_steer_forward_by_gamma = caster_forward_steer_forward_by_gamma*r_inverse
+        -caster_turning_steer_forward_by_beta*gamma_dot_by_gamma + term_23 - term_24
+    )
+    caster_wheel_rate_steer_forward_by_gamma = sin_beta_minus_gamma*r_inverse
     caster_wheel_rate_steer_forward_dot_by_gamma = caster_forward_steer_forward_dot_by_gamma*r_inverse
     coriolis_platform_turning_steer_forward_by_gamma = (
-            caster_forward_steer_forward_dot_by_gamma*term_42 + caster_turning_steer_forward_dot*term_69
-            + caster_turning_steer_forward_dot_by_gamma*term_12
-            + caster_wheel_rate_platform_turning_by_gamma*(term_34 + term_57)
-            + caster_wheel_rate_steer_forward_by_gamma*term_27 + caster_wheel_rate_steer_forward_dot_by_gamma*term_13
-            - term_32*term_37
-        )
+        caster_forward_steer_forward_dot_by_gamma*m_w_times_cos_gamma_times_s + caster_turning_steer_forward_dot*term_45
+        + caster_turning_steer_forward_dot_by_gamma*term_2
+        + caster_wheel_rate_platform_turning_by_gamma*(term_15 + term_33)
+        + caster_wheel_rate_steer_forward_by_gamma*term_9 + caster_wheel_rate_steer_forward_dot_by_gamma*term_3
+        - s_times_sin_gamma*term_18
+    )
     force_platform_turning_by_gamma = (
-            K1*caster_wheel_rate_platform_turning_by_gamma*u_caster
-            - coriolis_platform_turning_platform_turning_by_gamma*platform_turning
-            - coriolis_platform_turning_steer_forward_by_gamma*steer_forward
-        )
+        K1*caster_wheel_rate_platform_turning_by_gamma*u_caster
+        - coriolis_platform_turning_platform_turning_by_gamma*platform_turning
+        - coriolis_platform_turning_steer_forward_by_gamma*steer_forward
+    )
     inertia_platform_turning_steer_forward_by_gamma = (
-            caster_forward_steer_forward_by_gamma*term_42 + caster_turning_platform_turning_by_gamma*term_31
-            + caster_wheel_rate_platform_turning_by_gamma*term_53 + caster_wheel_rate_steer_forward_by_gamma*term_13
-            - term_33 - term_48
-        )
+        sin_beta_minus_gamma*m_w_times_cos_gamma_times_s + caster_turning_platform_turning_by_gamma*term_13
+        + caster_wheel_rate_platform_turning_by_gamma*term_29 + caster_wheel_rate_steer_forward_by_gamma*term_3
+        - term_14 - term_25
+    )
     ratio_steer_forward_platform_turning_by_gamma = (
-            inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward_by_gamma
-            - inertia_platform_turning_steer_forward*term_68
-        )
-    ratio_beta_rate_platform_turning_by_gamma = -I_w*term_68
+        inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward_by_gamma
+        - inertia_platform_turning_steer_forward*term_44
+    )
+    ratio_beta_rate_platform_turning_by_gamma = -I_w*term_44
     coriolis_steer_forward_platform_turning_by_gamma = (
-            I_w*caster_turning_platform_turning_dot_by_gamma*caster_turning_steer_forward
-            + J*caster_wheel_rate_platform_turning_dot_by_gamma*caster_wheel_rate_steer_forward
-            + K2*caster_wheel_rate_platform_turning_by_gamma*caster_wheel_rate_steer_forward
-            - caster_forward_steer_forward_by_gamma*term_54 + caster_wheel_rate_steer_forward_by_gamma*term_55
-            - gamma_dot*term_18 - gamma_dot_by_gamma*term_33 - term_52
-        )
+        I_w*caster_turning_platform_turning_dot_by_gamma*caster_turning_steer_forward
+        + J*caster_wheel_rate_platform_turning_dot_by_gamma*caster_wheel_rate_steer_forward
+        + K2*caster_wheel_rate_platform_turning_by_gamma*caster_wheel_rate_steer_forward - sin_beta_minus_gamma*term_30
+        + caster_wheel_rate_steer_forward_by_gamma*term_31 - gamma_dot*term_5 - gamma_dot_by_gamma*term_14 - term_28
+    )
     coriolis_steer_forward_steer_forward_by_gamma = (
-            caster_forward_steer_forward_by_gamma*term_37 + caster_forward_steer_forward_dot_by_gamma*term_16
-            + caster_turning_steer_forward_dot_by_gamma*term_31 + caster_wheel_rate_steer_forward_by_gamma*term_58
-            + caster_wheel_rate_steer_forward_dot_by_gamma*term_53 - term_56
-        )
+        sin_beta_minus_gamma*term_18 + caster_forward_steer_forward_dot_by_gamma*cos_beta_minus_gamma_times_m_w
+        + caster_turning_steer_forward_dot_by_gamma*term_13 + caster_wheel_rate_steer_forward_by_gamma*term_34
+        + caster_wheel_rate_steer_forward_dot_by_gamma*term_29 - term_32
+    )
     force_steer_forward_by_gamma = (
-            K1*caster_wheel_rate_steer_forward_by_gamma*u_caster
-            - coriolis_steer_forward_platform_turning_by_gamma*platform_turning
-            - coriolis_steer_forward_steer_forward_by_gamma*steer_forward
-            - force_platform_turning*ratio_steer_forward_platform_turning_by_gamma
-            - force_platform_turning_by_gamma*ratio_steer_forward_platform_turning
-        )
+        K1*caster_wheel_rate_steer_forward_by_gamma*u_caster
+        - coriolis_steer_forward_platform_turning_by_gamma*platform_turning
+        - coriolis_steer_forward_steer_forward_by_gamma*steer_forward
+        - force_platform_turning*ratio_steer_forward_platform_turning_by_gamma
+        - force_platform_turning_by_gamma*ratio_steer_forward_platform_turning
+    )
     inertia_steer_forward_steer_forward_by_gamma = (
-            2*caster_forward_steer_forward_by_gamma*term_16 + 2*caster_wheel_rate_steer_forward_by_gamma*term_53
-            - term_63
-        )
+        2*sin_beta_minus_gamma*cos_beta_minus_gamma_times_m_w + 2*caster_wheel_rate_steer_forward_by_gamma*term_29
+        - term_39
+    )
     pivot_steer_forward_by_gamma = (
-            -inertia_platform_turning_platform_turning_by_gamma*ratio_steer_forward_platform_turning_squared
-            + inertia_steer_forward_steer_forward_by_gamma - ratio_steer_forward_platform_turning_by_gamma*term_61
-        )
+        -inertia_platform_turning_platform_turning_by_gamma*ratio_steer_forward_platform_turning_squared
+        + inertia_steer_forward_steer_forward_by_gamma - ratio_steer_forward_platform_turning_by_gamma*term_37
+    )
     ratio_beta_rate_steer_forward_by_gamma = (
-            inertia_platform_turning_platform_turning*pivot_steer_forward_by_gamma*ratio_beta_rate_platform_turning*ratio_steer_forward_platform_turning*term_60
-            - inertia_platform_turning_platform_turning_by_gamma*ratio_steer_forward_platform_turning*term_24
-            - pivot_steer_forward_inverse*ratio_beta_rate_platform_turning_by_gamma*term_23
-            - ratio_steer_forward_platform_turning_by_gamma*term_59
-        )
+        inertia_platform_turning_platform_turning*pivot_steer_forward_by_gamma*ratio_beta_rate_platform_turning
+        *ratio_steer_forward_platform_turning*term_36
+        - inertia_platform_turning_platform_turning_by_gamma*ratio_steer_forward_platform_turning*term_7
+        - pivot_steer_forward_inverse*ratio_beta_rate_platform_turning_by_gamma*term_6
+        - ratio_steer_forward_platform_turning_by_gamma*term_35
+    )
     force_beta_rate_by_gamma = (
-            -force_platform_turning*ratio_beta_rate_platform_turning_by_gamma
-            - force_platform_turning_by_gamma*ratio_beta_rate_platform_turning
-            - force_steer_forward*ratio_beta_rate_steer_forward_by_gamma
-            - force_steer_forward_by_gamma*ratio_beta_rate_steer_forward
-        )
+        -force_platform_turning*ratio_beta_rate_platform_turning_by_gamma
+        - force_platform_turning_by_gamma*ratio_beta_rate_platform_turning
+        - force_steer_forward*ratio_beta_rate_steer_forward_by_gamma
+        - force_steer_forward_by_gamma*ratio_beta_rate_steer_forward
+    )
     pivot_beta_rate_by_gamma = (
-            -2*inertia_platform_turning_platform_turning*ratio_beta_rate_platform_turning*ratio_beta_rate_platform_turning_by_gamma
-            - inertia_platform_turning_platform_turning_by_gamma*ratio_beta_rate_platform_turning_squared
-            - pivot_steer_forward_by_gamma*ratio_beta_rate_steer_forward_squared
-            - ratio_beta_rate_steer_forward_by_gamma*term_66
-        )
-    beta_rate_dot_by_gamma = force_beta_rate_by_gamma*pivot_beta_rate_inverse - pivot_beta_rate_by_gamma*term_50
+        -2*inertia_platform_turning_platform_turning*ratio_beta_rate_platform_turning
+        *ratio_beta_rate_platform_turning_by_gamma
+        - inertia_platform_turning_platform_turning_by_gamma*ratio_beta_rate_platform_turning_squared
+        - pivot_steer_forward_by_gamma*ratio_beta_rate_steer_forward_squared
+        - ratio_beta_rate_steer_forward_by_gamma*term_42
+    )
+    beta_rate_dot_by_gamma = force_beta_rate_by_gamma*pivot_beta_rate_inverse - pivot_beta_rate_by_gamma*term_26
     steer_forward_dot_by_gamma = (
-            -beta_rate_dot*ratio_beta_rate_steer_forward_by_gamma - beta_rate_dot_by_gamma*ratio_beta_rate_steer_forward
-            + force_steer_forward_by_gamma*pivot_steer_forward_inverse - pivot_steer_forward_by_gamma*term_67
-        )
+        -beta_rate_dot*ratio_beta_rate_steer_forward_by_gamma - beta_rate_dot_by_gamma*ratio_beta_rate_steer_forward
+        + force_steer_forward_by_gamma*pivot_steer_forward_inverse - pivot_steer_forward_by_gamma*term_43
+    )
     platform_turning_dot_by_gamma = (
-            -beta_rate_dot*ratio_beta_rate_platform_turning_by_gamma
-            - beta_rate_dot_by_gamma*ratio_beta_rate_platform_turning - force_platform_turning*term_68
-            + force_platform_turning_by_gamma*inertia_platform_turning_platform_turning_inverse
-            - ratio_steer_forward_platform_turning*steer_forward_dot_by_gamma
-            - ratio_steer_forward_platform_turning_by_gamma*steer_forward_dot
-        )
-    caster_turning_platform_turning_dot_by_platform_turning = -gamma_dot_platform_turning*term_6
-    caster_wheel_rate_platform_turning_dot_by_platform_turning = -gamma_dot_platform_turning*term_25
+        -beta_rate_dot*ratio_beta_rate_platform_turning_by_gamma
+        - beta_rate_dot_by_gamma*ratio_beta_rate_platform_turning - force_platform_turning*term_44
+        + force_platform_turning_by_gamma*inertia_platform_turning_platform_turning_inverse
+        - ratio_steer_forward_platform_turning*steer_forward_dot_by_gamma
+        - ratio_steer_forward_platform_turning_by_gamma*steer_forward_dot
+    )
+    caster_turning_platform_turning_dot_by_platform_turning = (
+        gamma_dot_platform_turning*caster_turning_platform_turning_by_gamma
+    )
+    caster_wheel_rate_platform_turning_dot_by_platform_turning = (
+        gamma_dot_platform_turning*caster_wheel_rate_platform_turning_by_gamma
+    )
     coriolis_platform_turning_platform_turning_by_platform_turning = (
-            caster_turning_platform_turning_dot_by_platform_turning*term_12
-            + caster_wheel_rate_platform_turning_dot_by_platform_turning*term_13 - gamma_dot_platform_turning*term_41
-        )
+        caster_turning_platform_turning_dot_by_platform_turning*term_2
+        + caster_wheel_rate_platform_turning_dot_by_platform_turning*term_3 - gamma_dot_platform_turning*term_19
+    )
     caster_forward_steer_forward_dot_by_platform_turning = gamma_dot_platform_turning*sin_beta_minus_gamma
     caster_turning_steer_forward_dot_by_platform_turning = (
-            -caster_turning_steer_forward_by_beta*gamma_dot_platform_turning
-        )
+        -caster_turning_steer_forward_by_beta*gamma_dot_platform_turning
+    )
     caster_wheel_rate_steer_forward_dot_by_platform_turning = (
-            caster_forward_steer_forward_dot_by_platform_turning*r_inverse
-        )
+        caster_forward_steer_forward_dot_by_platform_turning*r_inverse
+    )
     coriolis_platform_turning_steer_forward_by_platform_turning = (
-            caster_forward_steer_forward_dot_by_platform_turning*term_42
-            + caster_turning_steer_forward_dot_by_platform_turning*term_12
-            + caster_wheel_rate_steer_forward_dot_by_platform_turning*term_13 + term_49
-        )
+        caster_forward_steer_forward_dot_by_platform_turning*m_w_times_cos_gamma_times_s
+        + caster_turning_steer_forward_dot_by_platform_turning*term_2
+        + caster_wheel_rate_steer_forward_dot_by_platform_turning*term_3 - term_11
+    )
     force_platform_turning_by_platform_turning = (
-            -coriolis_platform_turning_platform_turning
-            - coriolis_platform_turning_platform_turning_by_platform_turning*platform_turning
-            - coriolis_platform_turning_steer_forward_by_platform_turning*steer_forward
-        )
+        -coriolis_platform_turning_platform_turning
+        - coriolis_platform_turning_platform_turning_by_platform_turning*platform_turning
+        - coriolis_platform_turning_steer_forward_by_platform_turning*steer_forward
+    )
     coriolis_steer_forward_platform_turning_by_platform_turning = (
-            caster_turning_platform_turning_dot_by_platform_turning*term_31
-            + caster_wheel_rate_platform_turning_dot_by_platform_turning*term_53 - gamma_dot_platform_turning*term_33
-            + term_29
-        )
+        caster_turning_platform_turning_dot_by_platform_turning*term_13
+        + caster_wheel_rate_platform_turning_dot_by_platform_turning*term_29 - gamma_dot_platform_turning*term_14
+        + term_11
+    )
     coriolis_steer_forward_steer_forward_by_platform_turning = (
-            caster_forward_steer_forward_dot_by_platform_turning*term_16
-            + caster_turning_steer_forward_dot_by_platform_turning*term_31
-            + caster_wheel_rate_steer_forward_dot_by_platform_turning*term_53
-        )
+        caster_forward_steer_forward_dot_by_platform_turning*cos_beta_minus_gamma_times_m_w
+        + caster_turning_steer_forward_dot_by_platform_turning*term_13
+        + caster_wheel_rate_steer_forward_dot_by_platform_turning*term_29
+    )
     force_steer_forward_by_platform_turning = (
-            -coriolis_steer_forward_platform_turning
-            - coriolis_steer_forward_platform_turning_by_platform_turning*platform_turning
-            - coriolis_steer_forward_steer_forward_by_platform_turning*steer_forward
-            - force_platform_turning_by_platform_turning*ratio_steer_forward_platform_turning
-        )
+        -coriolis_steer_forward_platform_turning
+        - coriolis_steer_forward_platform_turning_by_platform_turning*platform_turning
+        - coriolis_steer_forward_steer_forward_by_platform_turning*steer_forward
+        - force_platform_turning_by_platform_turning*ratio_steer_forward_platform_turning
+    )
     force_beta_rate_by_platform_turning = (
-            -force_platform_turning_by_platform_turning*ratio_beta_rate_platform_turning
-            - force_steer_forward_by_platform_turning*ratio_beta_rate_steer_forward
-        )
+        -force_platform_turning_by_platform_turning*ratio_beta_rate_platform_turning
+        - force_steer_forward_by_platform_turning*ratio_beta_rate_steer_forward
+    )
     beta_rate_dot_by_platform_turning = force_beta_rate_by_platform_turning*pivot_beta_rate_inverse
     steer_forward_dot_by_platform_turning = (
-            -beta_rate_dot_by_platform_turning*ratio_beta_rate_steer_forward
-            + force_steer_forward_by_platform_turning*pivot_steer_forward_inverse
-        )
+        -beta_rate_dot_by_platform_turning*ratio_beta_rate_steer_forward
+        + force_steer_forward_by_platform_turning*pivot_steer_forward_inverse
+    )
     platform_turning_dot_by_platform_turning = (
-            -beta_rate_dot_by_platform_turning*ratio_beta_rate_platform_turning
-            + force_platform_turning_by_platform_turning*inertia_platform_turning_platform_turning_inverse
-            - ratio_steer_forward_platform_turning*steer_forward_dot_by_platform_turning
-        )
-    caster_turning_platform_turning_dot_by_steer_forward = -caster_turning_steer_forward*term_6
-    caster_wheel_rate_platform_turning_dot_by_steer_forward = -caster_turning_steer_forward*term_25
+        -beta_rate_dot_by_platform_turning*ratio_beta_rate_platform_turning
+        + force_platform_turning_by_platform_turning*inertia_platform_turning_platform_turning_inverse
+        - ratio_steer_forward_platform_turning*steer_forward_dot_by_platform_turning
+    )
+    caster_turning_platform_turning_dot_by_steer_forward = (
+        caster_turning_steer_forward*caster_turning_platform_turning_by_gamma
+    )
+    caster_wheel_rate_platform_turning_dot_by_steer_forward = (
+        caster_turning_steer_forward*caster_wheel_rate_platform_turning_by_gamma
+    )
     coriolis_platform_turning_platform_turning_by_steer_forward = (
-            caster_turning_platform_turning_dot_by_steer_forward*term_12 - caster_turning_steer_forward*term_41
-            + caster_wheel_rate_platform_turning_dot_by_steer_forward*term_13
-        )
+        caster_turning_platform_turning_dot_by_steer_forward*term_2 - caster_turning_steer_forward*term_19
+        + caster_wheel_rate_platform_turning_dot_by_steer_forward*term_3
+    )
     caster_forward_steer_forward_dot_by_steer_forward = caster_turning_steer_forward*sin_beta_minus_gamma
     caster_turning_steer_forward_dot_by_steer_forward = (
-            -caster_turning_steer_forward*caster_turning_steer_forward_by_beta
-        )
-    caster_wheel_rate_steer_forward_dot_by_steer_forward = (
-            caster_forward_steer_forward_dot_by_steer_forward*r_inverse
-        )
+        -caster_turning_steer_forward*caster_turning_steer_forward_by_beta
+    )
+    caster_wheel_rate_steer_forward_dot_by_steer_forward = caster_forward_steer_forward_dot_by_steer_forward*r_inverse
     coriolis_platform_turning_steer_forward_by_steer_forward = (
-            caster_forward_steer_forward_dot_by_steer_forward*term_42
-            + caster_turning_steer_forward_dot_by_steer_forward*term_12
-            + caster_wheel_rate_steer_forward_dot_by_steer_forward*term_13
-        )
+        caster_forward_steer_forward_dot_by_steer_forward*m_w_times_cos_gamma_times_s
+        + caster_turning_steer_forward_dot_by_steer_forward*term_2
+        + caster_wheel_rate_steer_forward_dot_by_steer_forward*term_3
+    )
     force_platform_turning_by_steer_forward = (
-            -coriolis_platform_turning_platform_turning_by_steer_forward*platform_turning
-            - coriolis_platform_turning_steer_forward
-            - coriolis_platform_turning_steer_forward_by_steer_forward*steer_forward
-        )
+        -coriolis_platform_turning_platform_turning_by_steer_forward*platform_turning
+        - coriolis_platform_turning_steer_forward
+        - coriolis_platform_turning_steer_forward_by_steer_forward*steer_forward
+    )
     coriolis_steer_forward_platform_turning_by_steer_forward = (
-            caster_turning_platform_turning_dot_by_steer_forward*term_31 - caster_turning_steer_forward*term_33
-            + caster_wheel_rate_platform_turning_dot_by_steer_forward*term_53
-        )
+        caster_turning_platform_turning_dot_by_steer_forward*term_13 - caster_turning_steer_forward*term_14
+        + caster_wheel_rate_platform_turning_dot_by_steer_forward*term_29
+    )
     coriolis_steer_forward_steer_forward_by_steer_forward = (
-            caster_forward_steer_forward_dot_by_steer_forward*term_16
-            + caster_turning_steer_forward_dot_by_steer_forward*term_31
-            + caster_wheel_rate_steer_forward_dot_by_steer_forward*term_53
-        )
+        caster_forward_steer_forward_dot_by_steer_forward*cos_beta_minus_gamma_times_m_w
+        + caster_turning_steer_forward_dot_by_steer_forward*term_13
+        + caster_wheel_rate_steer_forward_dot_by_steer_forward*term_29
+    )
     force_steer_forward_by_steer_forward = (
-            -coriolis_steer_forward_platform_turning_by_steer_forward*platform_turning
-            - coriolis_steer_forward_steer_forward - coriolis_steer_forward_steer_forward_by_steer_forward*steer_forward
-            - force_platform_turning_by_steer_forward*ratio_steer_forward_platform_turning
-        )
+        -coriolis_steer_forward_platform_turning_by_steer_forward*platform_turning
+        - coriolis_steer_forward_steer_forward - coriolis_steer_forward_steer_forward_by_steer_forward*steer_forward
+        - force_platform_turning_by_steer_forward*ratio_steer_forward_platform_turning
+    )
     force_beta_rate_by_steer_forward = (
-            -force_platform_turning_by_steer_forward*ratio_beta_rate_platform_turning
-            - force_steer_forward_by_steer_forward*ratio_beta_rate_steer_forward
-        )
+        -force_platform_turning_by_steer_forward*ratio_beta_rate_platform_turning
+        - force_steer_forward_by_steer_forward*ratio_beta_rate_steer_forward
+    )
     beta_rate_dot_by_steer_forward = force_beta_rate_by_steer_forward*pivot_beta_rate_inverse
     steer_forward_dot_by_steer_forward = (
-            -beta_rate_dot_by_steer_forward*ratio_beta_rate_steer_forward
-            + force_steer_forward_by_steer_forward*pivot_steer_forward_inverse
-        )
+        -beta_rate_dot_by_steer_forward*ratio_beta_rate_steer_forward
+        + force_steer_forward_by_steer_forward*pivot_steer_forward_inverse
+    )
     platform_turning_dot_by_steer_forward = (
-            -beta_rate_dot_by_steer_forward*ratio_beta_rate_platform_turning
-            + force_platform_turning_by_steer_forward*inertia_platform_turning_platform_turning_inverse
-            - ratio_steer_forward_platform_turning*steer_forward_dot_by_steer_forward
-        )
-    coriolis_steer_forward_steer_forward_by_beta_rate = term_62 + term_64 + term_65
+        -beta_rate_dot_by_steer_forward*ratio_beta_rate_platform_turning
+        + force_platform_turning_by_steer_forward*inertia_platform_turning_platform_turning_inverse
+        - ratio_steer_forward_platform_turning*steer_forward_dot_by_steer_forward
+    )
+    coriolis_steer_forward_steer_forward_by_beta_rate = term_38 + term_40 + term_41
     force_steer_forward_by_beta_rate = (
-            -coriolis_steer_forward_steer_forward_by_beta_rate*steer_forward
-            + inertia_platform_turning_steer_forward_by_beta*ratio_steer_forward_platform_turning*steer_forward
-        )
+        -coriolis_steer_forward_steer_forward_by_beta_rate*steer_forward
+        + inertia_platform_turning_steer_forward_by_beta*ratio_steer_forward_platform_turning*steer_forward
+    )
     force_beta_rate_by_beta_rate = (
-            -K2_s - force_steer_forward_by_beta_rate*ratio_beta_rate_steer_forward
-            + inertia_platform_turning_steer_forward_by_beta*ratio_beta_rate_platform_turning*steer_forward
-        )
+        -K2_s - force_steer_forward_by_beta_rate*ratio_beta_rate_steer_forward
+        + inertia_platform_turning_steer_forward_by_beta*ratio_beta_rate_platform_turning*steer_forward
+    )
     beta_rate_dot_by_beta_rate = force_beta_rate_by_beta_rate*pivot_beta_rate_inverse
     steer_forward_dot_by_beta_rate = (
-            -beta_rate_dot_by_beta_rate*ratio_beta_rate_steer_forward
-            + force_steer_forward_by_beta_rate*pivot_steer_forward_inverse
-        )
+        -beta_rate_dot_by_beta_rate*ratio_beta_rate_steer_forward
+        + force_steer_forward_by_beta_rate*pivot_steer_forward_inverse
+    )
     platform_turning_dot_by_beta_rate = (
-            -beta_rate_dot_by_beta_rate*ratio_beta_rate_platform_turning
-            - ratio_steer_forward_platform_turning*steer_forward_dot_by_beta_rate
-            - ratio_steer_forward_platform_turning_by_beta*steer_forward
-        )
+        -beta_rate_dot_by_beta_rate*ratio_beta_rate_platform_turning
+        - ratio_steer_forward_platform_turning*steer_forward_dot_by_beta_rate
+        - ratio_steer_forward_platform_turning_by_beta*steer_forward
+    )
     out = _zeros((8, 8), x, u, w, p)
-    out[0, 2] = term_1
-    out[0, 3] = term_1
-    out[0, 6] = x_dot_steer_forward
-    out[1, 2] = term_2
-    out[1, 3] = term_2
-    out[1, 6] = y_dot_steer_forward
-    out[2, 5] = 1
-    out[3, 7] = 1
-    out[4, 3] = term_4
+    out[0, 2] = out[0, 3] = -steer_forward*sin_beta_phi
+    out[0, 6] = cos_beta_phi
+    out[1, 2] = out[1, 3] = steer_forward*cos_beta_phi
+    out[1, 6] = sin_beta_phi
+    out[2, 5] = out[3, 7] = 1
+    out[4, 3] = term_1
     out[4, 4] = gamma_dot_by_gamma
     out[4, 5] = gamma_dot_platform_turning
     out[4, 6] = caster_turning_steer_forward
@@ -1073,7 +937,7 @@ def state_jacobian(x, u, w, p):
 
 @_function(x=8, u=3, w=3, p=14)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (8,)
     u: motor voltages, (3,)
@@ -1081,96 +945,80 @@ def input_jacobian(x, u, w, p):
     p: physical parameters, (14,)
     Returns: shape (2n-m, n_u) = (8, 3); 109 operations.
     """
-    beta = x[3]
-    gamma = x[4]
-    r = p[0]
-    s = p[1]
-    e = p[2]
-    d = p[3]
-    m = p[5]
-    m_w = p[6]
-    I = p[7]
-    I_w = p[8]
-    J = p[9]
-    K1 = p[10]
-    K1_s = p[12]
+    beta, gamma = x[3], x[4]
+    r, s, e, d, m, m_w, I, I_w, J, K1, K1_s = p[0], p[1], p[2], p[3], p[5], p[6], p[7], p[8], p[9], p[10], p[12]
     cos_gamma = cos(gamma)
-    sin_gamma = sin(gamma)
     e_inverse = 1/e
-    caster_turning_platform_turning = -e_inverse*s*sin_gamma
+    caster_turning_platform_turning = -e_inverse*s*sin(gamma)
     r_inverse = 1/r
-    term_3 = cos_gamma*s
-    caster_wheel_rate_platform_turning = r_inverse*term_3
+    cos_gamma_times_s = cos_gamma*s
+    caster_wheel_rate_platform_turning = r_inverse*cos_gamma_times_s
     inertia_platform = I + d**2*m
     inertia_platform_turning_platform_turning = (
-            I_w*caster_turning_platform_turning**2 + I_w + J*caster_wheel_rate_platform_turning**2
-            + cos_gamma**2*m_w*s**2 + inertia_platform
-        )
+        I_w*caster_turning_platform_turning**2 + I_w + J*caster_wheel_rate_platform_turning**2 + cos_gamma**2*m_w*s**2
+        + inertia_platform
+    )
     inertia_platform_turning_platform_turning_inverse = 1/inertia_platform_turning_platform_turning
-    cos_beta = cos(beta)
-    sin_beta_minus_gamma = sin(beta - gamma)
-    caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
+    caster_turning_steer_forward = e_inverse*sin(beta - gamma)
     cos_beta_minus_gamma = cos(beta - gamma)
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    caster_wheel_rate_steer_forward = caster_forward_steer_forward*r_inverse
+    caster_wheel_rate_steer_forward = cos_beta_minus_gamma*r_inverse
     inertia_platform_turning_steer_forward = (
-            I_w*caster_turning_platform_turning*caster_turning_steer_forward
-            + J*caster_wheel_rate_platform_turning*caster_wheel_rate_steer_forward
-            + caster_forward_steer_forward*m_w*term_3 + cos_beta*d*m
-        )
+        I_w*caster_turning_platform_turning*caster_turning_steer_forward
+        + J*caster_wheel_rate_platform_turning*caster_wheel_rate_steer_forward
+        + cos_beta_minus_gamma*m_w*cos_gamma_times_s + cos(beta)*d*m
+    )
     ratio_steer_forward_platform_turning = (
-            inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward
-        )
+        inertia_platform_turning_platform_turning_inverse*inertia_platform_turning_steer_forward
+    )
     ratio_beta_rate_platform_turning = I_w*inertia_platform_turning_platform_turning_inverse
     inertia_steer_forward_steer_forward = (
-            I_w*caster_turning_steer_forward**2 + J*caster_wheel_rate_steer_forward**2 + J/r**2
-            + caster_forward_steer_forward**2*m_w + m + m_w
-        )
+        I_w*caster_turning_steer_forward**2 + J*caster_wheel_rate_steer_forward**2 + J/r**2
+        + cos_beta_minus_gamma**2*m_w + m + m_w
+    )
     pivot_steer_forward = (
-            -inertia_platform_turning_platform_turning*ratio_steer_forward_platform_turning**2
-            + inertia_steer_forward_steer_forward
-        )
+        -inertia_platform_turning_platform_turning*ratio_steer_forward_platform_turning**2
+        + inertia_steer_forward_steer_forward
+    )
     pivot_steer_forward_inverse = 1/pivot_steer_forward
     ratio_beta_rate_steer_forward = (
-            -inertia_platform_turning_platform_turning*pivot_steer_forward_inverse*ratio_beta_rate_platform_turning*ratio_steer_forward_platform_turning
-        )
+        -inertia_platform_turning_platform_turning*pivot_steer_forward_inverse*ratio_beta_rate_platform_turning
+        *ratio_steer_forward_platform_turning
+    )
     pivot_beta_rate = (
-            I_w - inertia_platform_turning_platform_turning*ratio_beta_rate_platform_turning**2
-            - pivot_steer_forward*ratio_beta_rate_steer_forward**2
-        )
+        I_w - inertia_platform_turning_platform_turning*ratio_beta_rate_platform_turning**2
+        - pivot_steer_forward*ratio_beta_rate_steer_forward**2
+    )
     pivot_beta_rate_inverse = 1/pivot_beta_rate
     force_steer_forward_by_u_drive = K1*r_inverse
     beta_rate_dot_by_u_drive = -force_steer_forward_by_u_drive*pivot_beta_rate_inverse*ratio_beta_rate_steer_forward
     steer_forward_dot_by_u_drive = (
-            -beta_rate_dot_by_u_drive*ratio_beta_rate_steer_forward
-            + force_steer_forward_by_u_drive*pivot_steer_forward_inverse
-        )
+        -beta_rate_dot_by_u_drive*ratio_beta_rate_steer_forward
+        + force_steer_forward_by_u_drive*pivot_steer_forward_inverse
+    )
     platform_turning_dot_by_u_drive = (
-            -beta_rate_dot_by_u_drive*ratio_beta_rate_platform_turning
-            - ratio_steer_forward_platform_turning*steer_forward_dot_by_u_drive
-        )
+        -beta_rate_dot_by_u_drive*ratio_beta_rate_platform_turning
+        - ratio_steer_forward_platform_turning*steer_forward_dot_by_u_drive
+    )
     beta_rate_dot_by_u_steer = K1_s*pivot_beta_rate_inverse
     platform_turning_dot_by_u_steer = (
-            -beta_rate_dot_by_u_steer*ratio_beta_rate_platform_turning
-            + beta_rate_dot_by_u_steer*ratio_beta_rate_steer_forward*ratio_steer_forward_platform_turning
-        )
-    term_7 = K1*caster_wheel_rate_platform_turning
-    force_steer_forward_by_u_caster = (
-            K1*caster_wheel_rate_steer_forward - ratio_steer_forward_platform_turning*term_7
-        )
+        -beta_rate_dot_by_u_steer*ratio_beta_rate_platform_turning
+        + beta_rate_dot_by_u_steer*ratio_beta_rate_steer_forward*ratio_steer_forward_platform_turning
+    )
+    term_1 = K1*caster_wheel_rate_platform_turning
+    force_steer_forward_by_u_caster = K1*caster_wheel_rate_steer_forward - ratio_steer_forward_platform_turning*term_1
     force_beta_rate_by_u_caster = (
-            -force_steer_forward_by_u_caster*ratio_beta_rate_steer_forward - ratio_beta_rate_platform_turning*term_7
-        )
+        -force_steer_forward_by_u_caster*ratio_beta_rate_steer_forward - ratio_beta_rate_platform_turning*term_1
+    )
     beta_rate_dot_by_u_caster = force_beta_rate_by_u_caster*pivot_beta_rate_inverse
     steer_forward_dot_by_u_caster = (
-            -beta_rate_dot_by_u_caster*ratio_beta_rate_steer_forward
-            + force_steer_forward_by_u_caster*pivot_steer_forward_inverse
-        )
+        -beta_rate_dot_by_u_caster*ratio_beta_rate_steer_forward
+        + force_steer_forward_by_u_caster*pivot_steer_forward_inverse
+    )
     platform_turning_dot_by_u_caster = (
-            K1*caster_wheel_rate_platform_turning*inertia_platform_turning_platform_turning_inverse
-            - beta_rate_dot_by_u_caster*ratio_beta_rate_platform_turning
-            - ratio_steer_forward_platform_turning*steer_forward_dot_by_u_caster
-        )
+        K1*caster_wheel_rate_platform_turning*inertia_platform_turning_platform_turning_inverse
+        - beta_rate_dot_by_u_caster*ratio_beta_rate_platform_turning
+        - ratio_steer_forward_platform_turning*steer_forward_dot_by_u_caster
+    )
     out = _zeros((8, 3), x, u, w, p)
     out[5, 0] = platform_turning_dot_by_u_drive
     out[5, 1] = platform_turning_dot_by_u_steer
@@ -1186,36 +1034,26 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=14)
 def base_parameters(p):
-    """theta(p), inverse form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (14,)
     Returns: shape (n_theta,) = (8,); 21 operations.
     """
-    r = p[0]
-    d = p[3]
-    m = p[5]
-    m_w = p[6]
-    I = p[7]
-    I_w = p[8]
-    J = p[9]
-    K1 = p[10]
-    K2 = p[11]
-    K1_s = p[12]
-    K2_s = p[13]
+    r, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = p[0], p[3], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13]
     K1_inverse = 1/K1
-    term_2 = K1_inverse*r
+    r_over_K1 = K1_inverse*r
     K1_s_inverse = 1/K1_s
-    term_4 = J/r**2 + m_w
+    term_1 = J/r**2 + m_w
     inertia_platform = I + d**2*m
-    out = _empty((8,), p)
+    out = _zeros((8,), p)
     out[0] = K1_inverse*K2/r
-    out[1] = I_w*term_2
-    out[2] = d*m*term_2
+    out[1] = I_w*r_over_K1
+    out[2] = d*m*r_over_K1
     out[3] = K1_s_inverse*K2_s
-    out[4] = term_2*term_4
-    out[5] = term_2*(I_w + inertia_platform)
+    out[4] = r_over_K1*term_1
+    out[5] = r_over_K1*(I_w + inertia_platform)
     out[6] = I_w*K1_s_inverse
-    out[7] = term_2*(m + term_4)
+    out[7] = r_over_K1*(m + term_1)
     return out
 
 
@@ -1227,16 +1065,11 @@ def output(q, c):
     c: known constants, (3,)
     Returns: shape (n-m,) = (3,); 8 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
-    beta = q[3]
+    x, y, phi, beta = q[0], q[1], q[2], q[3]
     L = c[2]
-    cos_beta_phi = cos(beta + phi)
-    sin_beta_phi = sin(beta + phi)
-    out = _empty((3,), q, c)
-    out[0] = L*cos_beta_phi + x
-    out[1] = L*sin_beta_phi + y
+    out = _zeros((3,), q, c)
+    out[0] = L*cos(beta + phi) + x
+    out[1] = L*sin(beta + phi) + y
     out[2] = phi
     return out
 
@@ -1249,21 +1082,12 @@ def output_jacobian(q, c):
     c: known constants, (3,)
     Returns: shape (n-m, n) = (3, 5); 7 operations.
     """
-    phi = q[2]
-    beta = q[3]
+    phi, beta = q[2], q[3]
     L = c[2]
-    sin_beta_phi = sin(beta + phi)
-    term_1 = -L*sin_beta_phi
-    cos_beta_phi = cos(beta + phi)
-    term_2 = L*cos_beta_phi
     out = _zeros((3, 5), q, c)
-    out[0, 0] = 1
-    out[0, 2] = term_1
-    out[0, 3] = term_1
-    out[1, 1] = 1
-    out[1, 2] = term_2
-    out[1, 3] = term_2
-    out[2, 2] = 1
+    out[0, 0] = out[1, 1] = out[2, 2] = 1
+    out[0, 2] = out[0, 3] = -L*sin(beta + phi)
+    out[1, 2] = out[1, 3] = L*cos(beta + phi)
     return out
 
 
@@ -1275,185 +1099,150 @@ def output_rate(x, c):
     c: known constants, (3,)
     Returns: shape (n-m,) = (3,); 17 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    platform_turning = x[5]
-    steer_forward = x[6]
-    beta_rate = x[7]
+    phi, beta, platform_turning, steer_forward, beta_rate = x[2], x[3], x[5], x[6], x[7]
     L = c[2]
     cos_beta_phi = cos(beta + phi)
-    x_dot_steer_forward = cos_beta_phi
     sin_beta_phi = sin(beta + phi)
     y1_dot_platform_turning = -L*sin_beta_phi
-    y_dot_steer_forward = sin_beta_phi
     y2_dot_platform_turning = L*cos_beta_phi
-    out = _empty((3,), x, c)
-    out[0] = (
-            beta_rate*y1_dot_platform_turning + platform_turning*y1_dot_platform_turning
-            + steer_forward*x_dot_steer_forward
-        )
-    out[1] = (
-            beta_rate*y2_dot_platform_turning + platform_turning*y2_dot_platform_turning
-            + steer_forward*y_dot_steer_forward
-        )
+    out = _zeros((3,), x, c)
+    out[0] = beta_rate*y1_dot_platform_turning + platform_turning*y1_dot_platform_turning + steer_forward*cos_beta_phi
+    out[1] = beta_rate*y2_dot_platform_turning + platform_turning*y2_dot_platform_turning + steer_forward*sin_beta_phi
     out[2] = platform_turning
     return out
 
 
 @_function(x=8, c=3)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (8,)
     c: known constants, (3,)
     Returns: shape (n-m,) = (3,); 29 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    platform_turning = x[5]
-    steer_forward = x[6]
-    beta_rate = x[7]
+    phi, beta, platform_turning, steer_forward, beta_rate = x[2], x[3], x[5], x[6], x[7]
     L = c[2]
     cos_beta_phi = cos(beta + phi)
-    term_1 = beta_rate*cos_beta_phi
-    term_2 = cos_beta_phi*platform_turning
-    y1_dot_platform_turning_dot = -L*term_1 - L*term_2
+    beta_rate_times_cos_beta_phi = beta_rate*cos_beta_phi
+    term_1 = cos_beta_phi*platform_turning
+    y1_dot_platform_turning_dot = -L*beta_rate_times_cos_beta_phi - L*term_1
     sin_beta_phi = sin(beta + phi)
-    term_3 = beta_rate*sin_beta_phi
-    term_4 = platform_turning*sin_beta_phi
-    x_dot_steer_forward_dot = -term_3 - term_4
-    y2_dot_platform_turning_dot = -L*term_3 - L*term_4
-    y_dot_steer_forward_dot = term_1 + term_2
+    beta_rate_times_sin_beta_phi = beta_rate*sin_beta_phi
+    term_2 = platform_turning*sin_beta_phi
+    x_dot_steer_forward_dot = -beta_rate_times_sin_beta_phi - term_2
+    y2_dot_platform_turning_dot = -L*beta_rate_times_sin_beta_phi - L*term_2
+    y_dot_steer_forward_dot = beta_rate_times_cos_beta_phi + term_1
     out = _zeros((3,), x, c)
     out[0] = (
-            beta_rate*y1_dot_platform_turning_dot + platform_turning*y1_dot_platform_turning_dot
-            + steer_forward*x_dot_steer_forward_dot
-        )
+        beta_rate*y1_dot_platform_turning_dot + platform_turning*y1_dot_platform_turning_dot
+        + steer_forward*x_dot_steer_forward_dot
+    )
     out[1] = (
-            beta_rate*y2_dot_platform_turning_dot + platform_turning*y2_dot_platform_turning_dot
-            + steer_forward*y_dot_steer_forward_dot
-        )
+        beta_rate*y2_dot_platform_turning_dot + platform_turning*y2_dot_platform_turning_dot
+        + steer_forward*y_dot_steer_forward_dot
+    )
     return out
 
 
 @_function(x=8, theta=8, c=3)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (8,)
     theta: base parameters, (8,)
     c: known constants, (3,)
     Returns: shape (n-m,) = (3,); 172 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    gamma = x[4]
-    platform_turning = x[5]
-    steer_forward = x[6]
-    beta_rate = x[7]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta8 = theta[7]
-    s = c[0]
-    e = c[1]
-    L = c[2]
+    phi, beta, gamma, platform_turning, steer_forward, beta_rate = x[2], x[3], x[4], x[5], x[6], x[7]
+    theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8 = (
+        theta[0], theta[1], theta[2], theta[3], theta[4], theta[5], theta[6], theta[7]
+    )
+    s, e, L = c[0], c[1], c[2]
     cos_gamma = cos(gamma)
     term_1 = 1/(cos_gamma*s)
     u_caster_per_beta_rate = term_1*theta2
     term_2 = theta7*u_caster_per_beta_rate
-    cos_beta = cos(beta)
-    term_3 = cos_beta*theta3
+    term_3 = cos(beta)*theta3
     term_4 = term_1*theta6
     sin_gamma = sin(gamma)
     e_inverse = 1/e
-    term_6 = e_inverse*s
-    caster_turning_platform_turning = -sin_gamma*term_6
+    s_over_e = e_inverse*s
+    caster_turning_platform_turning = -sin_gamma*s_over_e
     caster_turning_platform_turning_squared = caster_turning_platform_turning**2
     cos_beta_minus_gamma = cos(beta - gamma)
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    term_8 = caster_forward_steer_forward*term_1
+    term_5 = cos_beta_minus_gamma*term_1
     sin_beta_minus_gamma = sin(beta - gamma)
     caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
     u_drive_per_platform_turning = (
-            -caster_forward_steer_forward*term_4 + term_3
-            + theta2*(caster_turning_platform_turning*caster_turning_steer_forward
-            - caster_turning_platform_turning_squared*term_8)
-        )
-    term_9 = theta7*u_drive_per_platform_turning
-    term_10 = caster_turning_platform_turning*caster_turning_steer_forward
-    u_drive_per_steer_forward = -term_3*term_8 + theta2*(caster_turning_steer_forward**2 - term_10*term_8) + theta8
-    u_drive_per_beta_rate = -caster_forward_steer_forward*u_caster_per_beta_rate
-    term_11 = cos_gamma*s
+        -cos_beta_minus_gamma*term_4 + term_3 + theta2*(caster_turning_platform_turning*caster_turning_steer_forward
+        - caster_turning_platform_turning_squared*term_5)
+    )
+    term_6 = theta7*u_drive_per_platform_turning
+    term_7 = caster_turning_platform_turning*caster_turning_steer_forward
+    u_drive_per_steer_forward = -term_3*term_5 + theta2*(caster_turning_steer_forward**2 - term_7*term_5) + theta8
+    u_drive_per_beta_rate = -cos_beta_minus_gamma*u_caster_per_beta_rate
+    cos_gamma_times_s = cos_gamma*s
     u_caster_per_platform_turning = (
-            caster_turning_platform_turning_squared*u_caster_per_beta_rate + term_11*theta5 + term_4
-        )
-    u_caster_per_steer_forward = (
-            caster_forward_steer_forward*theta5 + term_1*term_3 + term_10*u_caster_per_beta_rate
-        )
+        caster_turning_platform_turning_squared*u_caster_per_beta_rate + cos_gamma_times_s*theta5 + term_4
+    )
+    u_caster_per_steer_forward = cos_beta_minus_gamma*theta5 + term_1*term_3 + term_7*u_caster_per_beta_rate
     effort_determinant = (
-            -term_2*u_drive_per_steer_forward - term_9*u_caster_per_steer_forward
-            + theta7*u_caster_per_platform_turning*u_drive_per_steer_forward
-            + theta7*u_caster_per_steer_forward*u_drive_per_beta_rate
-        )
+        -term_2*u_drive_per_steer_forward - term_6*u_caster_per_steer_forward
+        + theta7*u_caster_per_platform_turning*u_drive_per_steer_forward
+        + theta7*u_caster_per_steer_forward*u_drive_per_beta_rate
+    )
     effort_determinant_inverse = 1/effort_determinant
-    term_13 = caster_forward_steer_forward*steer_forward
+    term_8 = cos_beta_minus_gamma*steer_forward
     gamma_dot_platform_turning = caster_turning_platform_turning - 1
     gamma_dot = caster_turning_steer_forward*steer_forward + gamma_dot_platform_turning*platform_turning
-    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*term_6
-    term_14 = caster_turning_platform_turning_dot*platform_turning
-    term_15 = caster_turning_platform_turning*term_1
-    term_16 = cos_beta_minus_gamma*e_inverse
-    caster_turning_steer_forward_dot = beta_rate*term_16 - gamma_dot*term_16
-    term_17 = caster_turning_steer_forward_dot*term_15
+    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*s_over_e
+    term_9 = caster_turning_platform_turning_dot*platform_turning
+    term_10 = caster_turning_platform_turning*term_1
+    cos_beta_minus_gamma_over_e = cos_beta_minus_gamma*e_inverse
+    caster_turning_steer_forward_dot = beta_rate*cos_beta_minus_gamma_over_e - gamma_dot*cos_beta_minus_gamma_over_e
+    term_11 = caster_turning_steer_forward_dot*term_10
     sin_beta = sin(beta)
-    term_18 = sin_beta*term_1
-    term_19 = steer_forward*term_18
+    term_12 = sin_beta*term_1
+    term_13 = steer_forward*term_12
     caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
     u_caster_hold = (
-            theta1*(platform_turning*term_11 + term_13) + theta2*(steer_forward*term_17 + term_14*term_15)
-            + theta3*(-beta_rate*term_19 - platform_turning*term_19)
-            + theta5*(caster_forward_steer_forward_dot*steer_forward - gamma_dot*platform_turning*s*sin_gamma)
-        )
-    term_20 = effort_determinant_inverse*u_caster_hold
-    term_21 = term_20*theta7*u_drive_per_steer_forward
-    term_22 = term_13*term_18
+        theta1*(platform_turning*cos_gamma_times_s + term_8) + theta2*(steer_forward*term_11 + term_9*term_10)
+        + theta3*(-beta_rate*term_13 - platform_turning*term_13)
+        + theta5*(caster_forward_steer_forward_dot*steer_forward - gamma_dot*platform_turning*s*sin_gamma)
+    )
+    term_14 = effort_determinant_inverse*u_caster_hold
+    term_15 = term_14*theta7*u_drive_per_steer_forward
+    term_16 = term_8*term_12
     u_drive_hold = (
-            steer_forward*theta1 + theta2*(-caster_turning_platform_turning*term_14*term_8
-            + caster_turning_platform_turning_dot*caster_turning_steer_forward*platform_turning
-            + caster_turning_steer_forward*caster_turning_steer_forward_dot*steer_forward - term_13*term_17)
-            + theta3*(beta_rate*term_22 + platform_turning**2*sin_beta + platform_turning*term_22)
-        )
-    term_23 = effort_determinant_inverse*u_drive_hold
-    term_24 = term_23*theta7*u_caster_per_steer_forward
-    term_25 = beta_rate*effort_determinant_inverse*theta4
-    term_26 = (
-            -term_21 + term_24 - term_25*(-u_caster_per_beta_rate*u_drive_per_steer_forward
-            + u_caster_per_steer_forward*u_drive_per_beta_rate)
-        )
-    term_27 = (
-            term_21 - term_24 - term_25*(u_caster_per_platform_turning*u_drive_per_steer_forward
-            - u_caster_per_steer_forward*u_drive_per_platform_turning)
-        )
-    term_28 = (
-            -term_20*(-term_9 + theta7*u_drive_per_beta_rate) - term_23*(-term_2 + theta7*u_caster_per_platform_turning)
-            - term_25*(u_caster_per_beta_rate*u_drive_per_platform_turning
-            - u_caster_per_platform_turning*u_drive_per_beta_rate)
-        )
+        steer_forward*theta1 + theta2*(-caster_turning_platform_turning*term_9*term_5
+        + caster_turning_platform_turning_dot*caster_turning_steer_forward*platform_turning
+        + caster_turning_steer_forward*caster_turning_steer_forward_dot*steer_forward - term_8*term_11)
+        + theta3*(beta_rate*term_16 + platform_turning**2*sin_beta + platform_turning*term_16)
+    )
+    term_17 = effort_determinant_inverse*u_drive_hold
+    term_18 = term_17*theta7*u_caster_per_steer_forward
+    term_19 = beta_rate*effort_determinant_inverse*theta4
+    term_20 = (
+        -term_15 + term_18
+        - term_19*(-u_caster_per_beta_rate*u_drive_per_steer_forward + u_caster_per_steer_forward*u_drive_per_beta_rate)
+    )
+    term_21 = (
+        term_15 - term_18 - term_19*(u_caster_per_platform_turning*u_drive_per_steer_forward
+        - u_caster_per_steer_forward*u_drive_per_platform_turning)
+    )
+    term_22 = (
+        -term_14*(-term_6 + theta7*u_drive_per_beta_rate) - term_17*(-term_2 + theta7*u_caster_per_platform_turning)
+        - term_19*(u_caster_per_beta_rate*u_drive_per_platform_turning
+        - u_caster_per_platform_turning*u_drive_per_beta_rate)
+    )
     cos_beta_phi = cos(beta + phi)
-    x_dot_steer_forward = cos_beta_phi
     sin_beta_phi = sin(beta + phi)
     y1_dot_platform_turning = -L*sin_beta_phi
-    y_dot_steer_forward = sin_beta_phi
     y2_dot_platform_turning = L*cos_beta_phi
-    out = _empty((3,), x, theta, c)
-    out[0] = term_26*y1_dot_platform_turning + term_27*y1_dot_platform_turning + term_28*x_dot_steer_forward
-    out[1] = term_26*y2_dot_platform_turning + term_27*y2_dot_platform_turning + term_28*y_dot_steer_forward
-    out[2] = term_26
+    out = _zeros((3,), x, theta, c)
+    out[0] = term_20*y1_dot_platform_turning + term_21*y1_dot_platform_turning + term_22*cos_beta_phi
+    out[1] = term_20*y2_dot_platform_turning + term_21*y2_dot_platform_turning + term_22*sin_beta_phi
+    out[2] = term_20
     return out
 
 
@@ -1466,82 +1255,64 @@ def decoupling_matrix(x, theta, c):
     c: known constants, (3,)
     Returns: shape (n-m, n_u) = (3, 3); 100 operations.
     """
-    phi = x[2]
-    beta = x[3]
-    gamma = x[4]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta8 = theta[7]
-    s = c[0]
-    e = c[1]
-    L = c[2]
+    phi, beta, gamma = x[2], x[3], x[4]
+    theta2, theta3, theta5, theta6, theta7, theta8 = theta[1], theta[2], theta[4], theta[5], theta[6], theta[7]
+    s, e, L = c[0], c[1], c[2]
     cos_gamma = cos(gamma)
     term_1 = 1/(cos_gamma*s)
     u_caster_per_beta_rate = term_1*theta2
     term_2 = theta7*u_caster_per_beta_rate
     term_3 = term_1*theta6
-    sin_gamma = sin(gamma)
     e_inverse = 1/e
-    caster_turning_platform_turning = -e_inverse*s*sin_gamma
+    caster_turning_platform_turning = -e_inverse*s*sin(gamma)
     caster_turning_platform_turning_squared = caster_turning_platform_turning**2
     u_caster_per_platform_turning = (
-            caster_turning_platform_turning_squared*u_caster_per_beta_rate + cos_gamma*s*theta5 + term_3
-        )
-    term_6 = -term_2 + theta7*u_caster_per_platform_turning
-    cos_beta = cos(beta)
-    term_7 = cos_beta*theta3
+        caster_turning_platform_turning_squared*u_caster_per_beta_rate + cos_gamma*s*theta5 + term_3
+    )
+    term_4 = -term_2 + theta7*u_caster_per_platform_turning
+    term_5 = cos(beta)*theta3
     cos_beta_minus_gamma = cos(beta - gamma)
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    term_8 = caster_forward_steer_forward*term_1
-    sin_beta_minus_gamma = sin(beta - gamma)
-    caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
+    term_6 = cos_beta_minus_gamma*term_1
+    caster_turning_steer_forward = e_inverse*sin(beta - gamma)
     u_drive_per_platform_turning = (
-            -caster_forward_steer_forward*term_3 + term_7
-            + theta2*(caster_turning_platform_turning*caster_turning_steer_forward
-            - caster_turning_platform_turning_squared*term_8)
-        )
-    term_9 = caster_turning_platform_turning*caster_turning_steer_forward
-    u_caster_per_steer_forward = caster_forward_steer_forward*theta5 + term_1*term_7 + term_9*u_caster_per_beta_rate
-    term_10 = u_caster_per_steer_forward*u_drive_per_platform_turning
-    u_drive_per_steer_forward = -term_7*term_8 + theta2*(caster_turning_steer_forward**2 - term_8*term_9) + theta8
-    u_drive_per_beta_rate = -caster_forward_steer_forward*u_caster_per_beta_rate
+        -cos_beta_minus_gamma*term_3 + term_5 + theta2*(caster_turning_platform_turning*caster_turning_steer_forward
+        - caster_turning_platform_turning_squared*term_6)
+    )
+    term_7 = caster_turning_platform_turning*caster_turning_steer_forward
+    u_caster_per_steer_forward = cos_beta_minus_gamma*theta5 + term_1*term_5 + term_7*u_caster_per_beta_rate
+    term_8 = u_caster_per_steer_forward*u_drive_per_platform_turning
+    u_drive_per_steer_forward = -term_5*term_6 + theta2*(caster_turning_steer_forward**2 - term_6*term_7) + theta8
+    u_drive_per_beta_rate = -cos_beta_minus_gamma*u_caster_per_beta_rate
     effort_determinant = (
-            -term_10*theta7 - term_2*u_drive_per_steer_forward
-            + theta7*u_caster_per_platform_turning*u_drive_per_steer_forward
-            + theta7*u_caster_per_steer_forward*u_drive_per_beta_rate
-        )
+        -term_8*theta7 - term_2*u_drive_per_steer_forward
+        + theta7*u_caster_per_platform_turning*u_drive_per_steer_forward
+        + theta7*u_caster_per_steer_forward*u_drive_per_beta_rate
+    )
     effort_determinant_inverse = 1/effort_determinant
     cos_beta_phi = cos(beta + phi)
-    x_dot_steer_forward = cos_beta_phi
-    term_12 = effort_determinant_inverse*x_dot_steer_forward
-    term_13 = (
-            u_caster_per_beta_rate*u_drive_per_platform_turning - u_caster_per_platform_turning*u_drive_per_beta_rate
-        )
-    term_14 = (
-            effort_determinant_inverse*(-u_caster_per_beta_rate*u_drive_per_steer_forward
-            + u_caster_per_steer_forward*u_drive_per_beta_rate)
-        )
-    term_15 = effort_determinant_inverse*(-term_10 + u_caster_per_platform_turning*u_drive_per_steer_forward)
+    term_9 = effort_determinant_inverse*cos_beta_phi
+    term_10 = u_caster_per_beta_rate*u_drive_per_platform_turning - u_caster_per_platform_turning*u_drive_per_beta_rate
+    term_11 = (
+        effort_determinant_inverse*(-u_caster_per_beta_rate*u_drive_per_steer_forward
+        + u_caster_per_steer_forward*u_drive_per_beta_rate)
+    )
+    term_12 = effort_determinant_inverse*(-term_8 + u_caster_per_platform_turning*u_drive_per_steer_forward)
     sin_beta_phi = sin(beta + phi)
     y1_dot_platform_turning = -L*sin_beta_phi
-    term_16 = theta7*u_drive_per_beta_rate - theta7*u_drive_per_platform_turning
-    y_dot_steer_forward = sin_beta_phi
-    term_17 = effort_determinant_inverse*y_dot_steer_forward
+    term_13 = theta7*u_drive_per_beta_rate - theta7*u_drive_per_platform_turning
+    term_14 = effort_determinant_inverse*sin_beta_phi
     y2_dot_platform_turning = L*cos_beta_phi
-    term_18 = effort_determinant_inverse*theta7
-    out = _empty((3, 3), x, theta, c)
-    out[0, 0] = term_12*term_6
-    out[0, 1] = term_12*term_13 + term_14*y1_dot_platform_turning + term_15*y1_dot_platform_turning
-    out[0, 2] = term_12*term_16
-    out[1, 0] = term_17*term_6
-    out[1, 1] = term_13*term_17 + term_14*y2_dot_platform_turning + term_15*y2_dot_platform_turning
-    out[1, 2] = term_16*term_17
-    out[2, 0] = -term_18*u_caster_per_steer_forward
-    out[2, 1] = term_14
-    out[2, 2] = term_18*u_drive_per_steer_forward
+    theta7_over_effort_determinant = effort_determinant_inverse*theta7
+    out = _zeros((3, 3), x, theta, c)
+    out[0, 0] = term_9*term_4
+    out[0, 1] = term_9*term_10 + term_11*y1_dot_platform_turning + term_12*y1_dot_platform_turning
+    out[0, 2] = term_9*term_13
+    out[1, 0] = term_14*term_4
+    out[1, 1] = term_10*term_14 + term_11*y2_dot_platform_turning + term_12*y2_dot_platform_turning
+    out[1, 2] = term_13*term_14
+    out[2, 0] = -theta7_over_effort_determinant*u_caster_per_steer_forward
+    out[2, 1] = term_11
+    out[2, 2] = theta7_over_effort_determinant*u_drive_per_steer_forward
     return out
 
 
@@ -1554,78 +1325,70 @@ def inverse_regressor(x, a, c):
     c: known constants, (3,)
     Returns: shape (n_u, n_pi) = (3, 8); 104 operations.
     """
-    beta = x[3]
-    gamma = x[4]
-    platform_turning = x[5]
-    steer_forward = x[6]
-    beta_rate = x[7]
-    a_platform_turning = a[0]
-    a_steer_forward = a[1]
-    a_beta_rate = a[2]
-    s = c[0]
-    e = c[1]
+    beta, gamma, platform_turning, steer_forward, beta_rate = x[3], x[4], x[5], x[6], x[7]
+    a_platform_turning, a_steer_forward, a_beta_rate = a[0], a[1], a[2]
+    s, e = c[0], c[1]
     sin_beta_minus_gamma = sin(beta - gamma)
     e_inverse = 1/e
     caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
-    term_2 = caster_turning_steer_forward*steer_forward
+    term_1 = caster_turning_steer_forward*steer_forward
     cos_gamma = cos(gamma)
-    term_3 = e_inverse*s
+    s_over_e = e_inverse*s
     sin_gamma = sin(gamma)
-    caster_turning_platform_turning = -sin_gamma*term_3
+    caster_turning_platform_turning = -sin_gamma*s_over_e
     gamma_dot_platform_turning = caster_turning_platform_turning - 1
-    gamma_dot = gamma_dot_platform_turning*platform_turning + term_2
-    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*term_3
-    term_4 = caster_turning_platform_turning_dot*platform_turning
+    gamma_dot = gamma_dot_platform_turning*platform_turning + term_1
+    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*s_over_e
+    term_2 = caster_turning_platform_turning_dot*platform_turning
     cos_gamma_inverse = 1/cos_gamma
     s_inverse = 1/s
-    term_7 = cos_gamma_inverse*s_inverse
-    term_8 = a_beta_rate*term_7
+    term_3 = cos_gamma_inverse*s_inverse
+    term_4 = a_beta_rate*term_3
     cos_beta_minus_gamma = cos(beta - gamma)
-    caster_forward_steer_forward = cos_beta_minus_gamma
-    term_9 = caster_forward_steer_forward*term_7
-    term_10 = caster_forward_steer_forward*steer_forward
-    term_11 = caster_turning_platform_turning*term_7
-    term_12 = cos_beta_minus_gamma*e_inverse
-    caster_turning_steer_forward_dot = beta_rate*term_12 - gamma_dot*term_12
-    term_13 = caster_turning_steer_forward_dot*term_11
-    term_14 = caster_turning_platform_turning*caster_turning_steer_forward
+    term_5 = cos_beta_minus_gamma*term_3
+    term_6 = cos_beta_minus_gamma*steer_forward
+    term_7 = caster_turning_platform_turning*term_3
+    cos_beta_minus_gamma_over_e = cos_beta_minus_gamma*e_inverse
+    caster_turning_steer_forward_dot = beta_rate*cos_beta_minus_gamma_over_e - gamma_dot*cos_beta_minus_gamma_over_e
+    term_8 = caster_turning_steer_forward_dot*term_7
+    term_9 = caster_turning_platform_turning*caster_turning_steer_forward
     caster_turning_platform_turning_squared = caster_turning_platform_turning**2
     sin_beta = sin(beta)
     cos_beta = cos(beta)
-    term_16 = a_steer_forward*caster_forward_steer_forward
-    term_17 = sin_beta*term_7
-    term_18 = term_10*term_17
-    term_19 = a_platform_turning*term_7
-    term_20 = cos_gamma*s
-    term_21 = steer_forward*term_17
+    term_10 = a_steer_forward*cos_beta_minus_gamma
+    term_11 = sin_beta*term_3
+    term_12 = term_6*term_11
+    term_13 = a_platform_turning*term_3
+    cos_gamma_times_s = cos_gamma*s
+    term_14 = steer_forward*term_11
     caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
     out = _zeros((3, 8), x, a, c)
     out[0, 0] = steer_forward
     out[0, 1] = (
-            a_platform_turning*(caster_turning_platform_turning*caster_turning_steer_forward
-            - caster_turning_platform_turning_squared*term_9) + a_steer_forward*(caster_turning_steer_forward**2
-            - term_14*term_9) - caster_forward_steer_forward*term_8 - caster_turning_platform_turning*term_4*term_9
-            + caster_turning_steer_forward*term_4 + caster_turning_steer_forward_dot*term_2 - term_10*term_13
-        )
+        a_platform_turning*(caster_turning_platform_turning*caster_turning_steer_forward
+        - caster_turning_platform_turning_squared*term_5) + a_steer_forward*(caster_turning_steer_forward**2
+        - term_9*term_5) - cos_beta_minus_gamma*term_4 - caster_turning_platform_turning*term_2*term_5
+        + caster_turning_steer_forward*term_2 + caster_turning_steer_forward_dot*term_1 - term_6*term_8
+    )
     out[0, 2] = (
-            a_platform_turning*cos_beta + beta_rate*term_18 - cos_beta*term_16*term_7 + platform_turning**2*sin_beta
-            + platform_turning*term_18
-        )
-    out[0, 5] = -caster_forward_steer_forward*term_19
+        a_platform_turning*cos_beta + beta_rate*term_12 - cos_beta*term_10*term_3 + platform_turning**2*sin_beta
+        + platform_turning*term_12
+    )
+    out[0, 5] = -cos_beta_minus_gamma*term_13
     out[0, 7] = a_steer_forward
     out[1, 3] = beta_rate
     out[1, 6] = a_beta_rate + a_platform_turning
-    out[2, 0] = platform_turning*term_20 + term_10
+    out[2, 0] = platform_turning*cos_gamma_times_s + term_6
     out[2, 1] = (
-            a_steer_forward*term_14*term_7 + caster_turning_platform_turning_squared*term_19 + steer_forward*term_13
-            + term_11*term_4 + term_8
-        )
-    out[2, 2] = a_steer_forward*cos_beta*cos_gamma_inverse*s_inverse - beta_rate*term_21 - platform_turning*term_21
+        a_steer_forward*term_9*term_3 + caster_turning_platform_turning_squared*term_13 + steer_forward*term_8
+        + term_7*term_2 + term_4
+    )
+    out[2, 2] = a_steer_forward*cos_beta*cos_gamma_inverse*s_inverse - beta_rate*term_14 - platform_turning*term_14
     out[2, 4] = (
-            a_platform_turning*term_20 + caster_forward_steer_forward_dot*steer_forward
-            - gamma_dot*platform_turning*s*sin_gamma + term_16
-        )
-    out[2, 5] = term_19
+        a_platform_turning*cos_gamma_times_s + caster_forward_steer_forward_dot*steer_forward
+        - gamma_dot*platform_turning*s*sin_gamma + term_10
+    )
+    out[2, 5] = term_13
     return out
 
 
@@ -1636,29 +1399,19 @@ def inverse_base_parameters(p):
     p: physical parameters, (14,)
     Returns: shape (n_pi,) = (8,); 21 operations.
     """
-    r = p[0]
-    d = p[3]
-    m = p[5]
-    m_w = p[6]
-    I = p[7]
-    I_w = p[8]
-    J = p[9]
-    K1 = p[10]
-    K2 = p[11]
-    K1_s = p[12]
-    K2_s = p[13]
+    r, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = p[0], p[3], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13]
     K1_inverse = 1/K1
-    term_2 = K1_inverse*r
+    r_over_K1 = K1_inverse*r
     K1_s_inverse = 1/K1_s
-    term_4 = J/r**2 + m_w
+    term_1 = J/r**2 + m_w
     inertia_platform = I + d**2*m
-    out = _empty((8,), p)
+    out = _zeros((8,), p)
     out[0] = K1_inverse*K2/r
-    out[1] = I_w*term_2
-    out[2] = d*m*term_2
+    out[1] = I_w*r_over_K1
+    out[2] = d*m*r_over_K1
     out[3] = K1_s_inverse*K2_s
-    out[4] = term_2*term_4
-    out[5] = term_2*(I_w + inertia_platform)
+    out[4] = r_over_K1*term_1
+    out[5] = r_over_K1*(I_w + inertia_platform)
     out[6] = I_w*K1_s_inverse
-    out[7] = term_2*(m + term_4)
+    out[7] = r_over_K1*(m + term_1)
     return out

@@ -35,16 +35,8 @@ STATE = {
     "platform_lateral": "m/s",
     "platform_turning": "rad/s",
 }
-INPUTS = {
-    "u_1": "V",
-    "u_2": "V",
-    "u_3": "V",
-}
-OUTPUTS = {
-    "y1": "m",
-    "y2": "m",
-    "y3": "rad",
-}
+INPUTS = {"u_1": "V", "u_2": "V", "u_3": "V"}
+OUTPUTS = {"y1": "m", "y2": "m", "y3": "rad"}
 PARAMETERS = {
     "r": "m",
     "R": "m",
@@ -230,9 +222,6 @@ def _zeros(shape, *arguments):
     return SX.zeros(*shape)
 
 
-_empty = _zeros
-
-
 @_function(q=3, p=11)
 def constraint_matrix(q, p):
     """A(q): A(q) q' = 0; equation (2).
@@ -241,26 +230,24 @@ def constraint_matrix(q, p):
     p: physical parameters, (11,)
     Returns: shape (m, n) = (0, 3); 0 operations.
     """
-    out = _empty((0, 3), q, p)
+    out = _zeros((0, 3), q, p)
     return out
 
 
 @_function(q=3, p=11)
 def kinematic_matrix(q, p):
-    """S(q): q' = S(q) v, A S = 0; equation (3), (4).
+    """S(q): q' = S(q) v, A S = 0; equations (3), (4).
 
     q: generalized coordinates, (3,)
     p: physical parameters, (11,)
     Returns: shape (n, n-m) = (3, 3); 3 operations.
     """
     phi = q[2]
-    cos_phi = cos(phi)
     sin_phi = sin(phi)
     out = _zeros((3, 3), q, p)
-    out[0, 0] = cos_phi
+    out[0, 0] = out[1, 1] = cos(phi)
     out[0, 1] = -sin_phi
     out[1, 0] = sin_phi
-    out[1, 1] = cos_phi
     out[2, 2] = 1
     return out
 
@@ -273,22 +260,16 @@ def actuator_rates_matrix(q, p):
     p: physical parameters, (11,)
     Returns: shape (n_u, n-m) = (3, 3); 8 operations.
     """
-    r = p[0]
-    R = p[1]
+    r, R = p[0], p[1]
     r_inverse = 1/r
-    term_2 = R*r_inverse
-    term_3 = r_inverse/2
-    term_4 = sqrt(3)*term_3
-    term_5 = -term_3
+    term_1 = r_inverse/2
+    term_2 = sqrt(3)*term_1
     out = _zeros((3, 3), q, p)
     out[0, 1] = r_inverse
-    out[0, 2] = term_2
-    out[1, 0] = -term_4
-    out[1, 1] = term_5
-    out[1, 2] = term_2
-    out[2, 0] = term_4
-    out[2, 1] = term_5
-    out[2, 2] = term_2
+    out[0, 2] = out[1, 2] = out[2, 2] = R*r_inverse
+    out[1, 0] = -term_2
+    out[1, 1] = out[2, 1] = -term_1
+    out[2, 0] = term_2
     return out
 
 
@@ -300,32 +281,17 @@ def inertia_matrix(q, p):
     p: physical parameters, (11,)
     Returns: shape (n-m, n-m) = (3, 3); 23 operations.
     """
-    r = p[0]
-    R = p[1]
-    d = p[2]
-    s = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    term_1 = J/r**2
-    term_2 = 3*m_w
-    mass_platform = m + term_2
-    inertia_platform_forward_platform_forward = mass_platform + 3*term_1/2
-    term_3 = -m*s
-    term_4 = d*m
+    r, R, d, s, m, m_w, I, I_w, J = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8]
+    J_over_r_squared = J/r**2
+    term_1 = 3*m_w
+    mass_platform = m + term_1
     R_squared = R**2
-    inertia_platform = I + 3*I_w + R_squared*term_2 + m*(d**2 + s**2)
-    inertia_platform_turning_platform_turning = 3*R_squared*term_1 + inertia_platform
+    inertia_platform = I + 3*I_w + R_squared*term_1 + m*(d**2 + s**2)
     out = _zeros((3, 3), q, p)
-    out[0, 0] = inertia_platform_forward_platform_forward
-    out[0, 2] = term_3
-    out[1, 1] = inertia_platform_forward_platform_forward
-    out[1, 2] = term_4
-    out[2, 0] = term_3
-    out[2, 1] = term_4
-    out[2, 2] = inertia_platform_turning_platform_turning
+    out[0, 0] = out[1, 1] = mass_platform + 3*J_over_r_squared/2
+    out[0, 2] = out[2, 0] = -m*s
+    out[1, 2] = out[2, 1] = d*m
+    out[2, 2] = 3*R_squared*J_over_r_squared + inertia_platform
     return out
 
 
@@ -338,33 +304,22 @@ def coriolis_matrix(x, p):
     Returns: shape (n-m, n-m) = (3, 3); 16 operations.
     """
     platform_turning = x[5]
-    r = p[0]
-    R = p[1]
-    d = p[2]
-    s = p[3]
-    m = p[4]
-    m_w = p[5]
-    K2 = p[10]
-    term_1 = K2/r**2
-    coriolis_platform_forward_platform_forward = 3*term_1/2
+    r, R, d, s, m, m_w, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[10]
+    K2_over_r_squared = K2/r**2
     mass_platform = m + 3*m_w
-    term_2 = mass_platform*platform_turning
-    term_3 = m*platform_turning
-    coriolis_platform_turning_platform_forward = d*term_3
-    coriolis_platform_forward_platform_turning = -coriolis_platform_turning_platform_forward
-    coriolis_platform_turning_platform_lateral = s*term_3
-    coriolis_platform_lateral_platform_turning = -coriolis_platform_turning_platform_lateral
-    coriolis_platform_turning_platform_turning = 3*R**2*term_1
-    out = _empty((3, 3), x, p)
-    out[0, 0] = coriolis_platform_forward_platform_forward
-    out[0, 1] = -term_2
-    out[0, 2] = coriolis_platform_forward_platform_turning
-    out[1, 0] = term_2
-    out[1, 1] = coriolis_platform_forward_platform_forward
-    out[1, 2] = coriolis_platform_lateral_platform_turning
+    term_1 = mass_platform*platform_turning
+    m_times_platform_turning = m*platform_turning
+    coriolis_platform_turning_platform_forward = d*m_times_platform_turning
+    coriolis_platform_turning_platform_lateral = s*m_times_platform_turning
+    out = _zeros((3, 3), x, p)
+    out[0, 0] = out[1, 1] = 3*K2_over_r_squared/2
+    out[0, 1] = -term_1
+    out[0, 2] = -coriolis_platform_turning_platform_forward
+    out[1, 0] = term_1
+    out[1, 2] = -coriolis_platform_turning_platform_lateral
     out[2, 0] = coriolis_platform_turning_platform_forward
     out[2, 1] = coriolis_platform_turning_platform_lateral
-    out[2, 2] = coriolis_platform_turning_platform_turning
+    out[2, 2] = 3*R**2*K2_over_r_squared
     return out
 
 
@@ -376,23 +331,16 @@ def input_matrix(q, p):
     p: physical parameters, (11,)
     Returns: shape (n-m, n_u) = (3, 3); 8 operations.
     """
-    r = p[0]
-    R = p[1]
-    K1 = p[9]
-    term_1 = K1/r
-    term_2 = term_1/2
-    term_3 = sqrt(3)*term_2
-    term_4 = -term_2
-    term_5 = R*term_1
+    r, R, K1 = p[0], p[1], p[9]
+    K1_over_r = K1/r
+    term_1 = K1_over_r/2
+    term_2 = sqrt(3)*term_1
     out = _zeros((3, 3), q, p)
-    out[0, 1] = -term_3
-    out[0, 2] = term_3
-    out[1, 0] = term_1
-    out[1, 1] = term_4
-    out[1, 2] = term_4
-    out[2, 0] = term_5
-    out[2, 1] = term_5
-    out[2, 2] = term_5
+    out[0, 1] = -term_2
+    out[0, 2] = term_2
+    out[1, 0] = K1_over_r
+    out[1, 1] = out[1, 2] = -term_1
+    out[2, 0] = out[2, 1] = out[2, 2] = R*K1_over_r
     return out
 
 
@@ -404,92 +352,71 @@ def state_derivative(x, u, w, p):
     u: motor voltages, (3,)
     w: generalized forces on v, Fbar + taubar_d, (3,)
     p: physical parameters, (11,)
-    Returns: shape (2n-m,) = (6,); 110 operations.
+    Returns: shape (2n-m,) = (6,); 108 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    u_1 = u[0]
-    u_2 = u[1]
-    u_3 = u[2]
-    w_platform_forward = w[0]
-    w_platform_lateral = w[1]
-    w_platform_turning = w[2]
-    r = p[0]
-    R = p[1]
-    d = p[2]
-    s = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K2 = p[10]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    u_1, u_2, u_3 = u[0], u[1], u[2]
+    w_platform_forward, w_platform_lateral, w_platform_turning = w[0], w[1], w[2]
+    r, R, d, s, m, m_w, I, I_w, J, K1, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    x_dot = cos_phi*platform_forward - platform_lateral*sin_phi
-    y_dot = cos_phi*platform_lateral + platform_forward*sin_phi
-    term_1 = 1/(r**2)
-    term_2 = 3*term_1/2
-    term_3 = 3*m_w
-    mass_platform = m + term_3
-    inertia_platform_forward_platform_forward = J*term_2 + mass_platform
+    r_squared_inverse = 1/(r**2)
+    term_1 = 3*r_squared_inverse/2
+    term_2 = 3*m_w
+    mass_platform = m + term_2
+    inertia_platform_forward_platform_forward = J*term_1 + mass_platform
     inertia_platform_forward_platform_forward_inverse = 1/inertia_platform_forward_platform_forward
-    term_5 = inertia_platform_forward_platform_forward_inverse*m
-    ratio_platform_turning_platform_forward = -s*term_5
-    term_6 = sqrt(3)
+    term_3 = inertia_platform_forward_platform_forward_inverse*m
+    ratio_platform_turning_platform_forward = -s*term_3
+    term_4 = sqrt(3)
     r_inverse = 1/r
-    term_8 = K1*r_inverse/2
-    term_9 = term_8*u_2
-    coriolis_platform_forward_platform_forward = K2*term_2
-    term_10 = m*platform_turning
-    coriolis_platform_turning_platform_forward = d*term_10
-    coriolis_platform_forward_platform_turning = -coriolis_platform_turning_platform_forward
+    term_5 = K1*r_inverse/2
+    term_6 = term_5*u_2
+    coriolis_platform_forward_platform_forward = K2*term_1
+    m_times_platform_turning = m*platform_turning
+    coriolis_platform_turning_platform_forward = d*m_times_platform_turning
     force_platform_forward = (
-            K1*r_inverse*term_6*u_3/2 - coriolis_platform_forward_platform_forward*platform_forward
-            - coriolis_platform_forward_platform_turning*platform_turning
-            + mass_platform*platform_lateral*platform_turning - term_6*term_9 - w_platform_forward
-        )
+        K1*r_inverse*term_4*u_3/2 - coriolis_platform_forward_platform_forward*platform_forward
+        + coriolis_platform_turning_platform_forward*platform_turning + mass_platform*platform_lateral*platform_turning
+        - term_4*term_6 - w_platform_forward
+    )
     R_squared = R**2
-    term_12 = 3*R_squared*term_1
-    inertia_platform = I + 3*I_w + R_squared*term_3 + m*(d**2 + s**2)
-    inertia_platform_turning_platform_turning = J*term_12 + inertia_platform
-    ratio_platform_turning_platform_lateral = d*term_5
+    term_7 = 3*R_squared*r_squared_inverse
+    inertia_platform = I + 3*I_w + R_squared*term_2 + m*(d**2 + s**2)
+    inertia_platform_turning_platform_turning = J*term_7 + inertia_platform
+    ratio_platform_turning_platform_lateral = d*term_3
     pivot_platform_turning = (
-            -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_forward**2
-            - inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
-            + inertia_platform_turning_platform_turning
-        )
-    coriolis_platform_turning_platform_lateral = s*term_10
-    coriolis_platform_turning_platform_turning = K2*term_12
-    coriolis_platform_lateral_platform_turning = -coriolis_platform_turning_platform_lateral
+        -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_forward**2
+        - inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
+        + inertia_platform_turning_platform_turning
+    )
+    coriolis_platform_turning_platform_lateral = s*m_times_platform_turning
+    coriolis_platform_turning_platform_turning = K2*term_7
     force_platform_lateral = (
-            K1*r_inverse*u_1 - coriolis_platform_forward_platform_forward*platform_lateral
-            - coriolis_platform_lateral_platform_turning*platform_turning
-            - mass_platform*platform_forward*platform_turning - term_8*u_3 - term_9 - w_platform_lateral
-        )
+        K1*r_inverse*u_1 - coriolis_platform_forward_platform_forward*platform_lateral
+        + coriolis_platform_turning_platform_lateral*platform_turning - mass_platform*platform_forward*platform_turning
+        - term_5*u_3 - term_6 - w_platform_lateral
+    )
     force_platform_turning = (
-            K1*R*r_inverse*u_1 + K1*R*r_inverse*u_2 + K1*R*r_inverse*u_3
-            - coriolis_platform_turning_platform_forward*platform_forward
-            - coriolis_platform_turning_platform_lateral*platform_lateral
-            - coriolis_platform_turning_platform_turning*platform_turning
-            - force_platform_forward*ratio_platform_turning_platform_forward
-            - force_platform_lateral*ratio_platform_turning_platform_lateral - w_platform_turning
-        )
+        K1*R*r_inverse*u_1 + K1*R*r_inverse*u_2 + K1*R*r_inverse*u_3
+        - coriolis_platform_turning_platform_forward*platform_forward
+        - coriolis_platform_turning_platform_lateral*platform_lateral
+        - coriolis_platform_turning_platform_turning*platform_turning
+        - force_platform_forward*ratio_platform_turning_platform_forward
+        - force_platform_lateral*ratio_platform_turning_platform_lateral - w_platform_turning
+    )
     platform_turning_dot = force_platform_turning/pivot_platform_turning
     platform_forward_dot = (
-            force_platform_forward*inertia_platform_forward_platform_forward_inverse
-            - platform_turning_dot*ratio_platform_turning_platform_forward
-        )
+        force_platform_forward*inertia_platform_forward_platform_forward_inverse
+        - platform_turning_dot*ratio_platform_turning_platform_forward
+    )
     platform_lateral_dot = (
-            force_platform_lateral*inertia_platform_forward_platform_forward_inverse
-            - platform_turning_dot*ratio_platform_turning_platform_lateral
-        )
-    out = _empty((6,), x, u, w, p)
-    out[0] = x_dot
-    out[1] = y_dot
+        force_platform_lateral*inertia_platform_forward_platform_forward_inverse
+        - platform_turning_dot*ratio_platform_turning_platform_lateral
+    )
+    out = _zeros((6,), x, u, w, p)
+    out[0] = cos_phi*platform_forward - platform_lateral*sin_phi
+    out[1] = cos_phi*platform_lateral + platform_forward*sin_phi
     out[2] = platform_turning
     out[3] = platform_forward_dot
     out[4] = platform_lateral_dot
@@ -499,117 +426,95 @@ def state_derivative(x, u, w, p):
 
 @_function(x=6, u=3, w=3, p=11)
 def state_jacobian(x, u, w, p):
-    """dx'/dx; equation d(15)/dx.
+    """dx'/dx; Jacobian of (15) by x.
 
     x: state [q; v], (6,)
     u: motor voltages, (3,)
     w: generalized forces on v, Fbar + taubar_d, (3,)
     p: physical parameters, (11,)
-    Returns: shape (2n-m, 2n-m) = (6, 6); 100 operations.
+    Returns: shape (2n-m, 2n-m) = (6, 6); 97 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    r = p[0]
-    R = p[1]
-    d = p[2]
-    s = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K2 = p[10]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    r, R, d, s, m, m_w, I, I_w, J, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[10]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     y_dot = cos_phi*platform_lateral + platform_forward*sin_phi
-    x_dot = cos_phi*platform_forward - platform_lateral*sin_phi
-    term_1 = 1/(r**2)
-    term_2 = 3*term_1/2
-    term_3 = 3*m_w
-    mass_platform = m + term_3
-    inertia_platform_forward_platform_forward = J*term_2 + mass_platform
+    r_squared_inverse = 1/(r**2)
+    term_1 = 3*r_squared_inverse/2
+    term_2 = 3*m_w
+    mass_platform = m + term_2
+    inertia_platform_forward_platform_forward = J*term_1 + mass_platform
     inertia_platform_forward_platform_forward_inverse = 1/inertia_platform_forward_platform_forward
-    coriolis_platform_forward_platform_forward = K2*term_2
-    term_5 = coriolis_platform_forward_platform_forward*inertia_platform_forward_platform_forward_inverse
-    term_6 = inertia_platform_forward_platform_forward_inverse*m
-    ratio_platform_turning_platform_forward = -s*term_6
+    coriolis_platform_forward_platform_forward = K2*term_1
+    term_3 = coriolis_platform_forward_platform_forward*inertia_platform_forward_platform_forward_inverse
+    term_4 = inertia_platform_forward_platform_forward_inverse*m
+    ratio_platform_turning_platform_forward = -s*term_4
     R_squared = R**2
-    term_8 = 3*R_squared*term_1
-    inertia_platform = I + 3*I_w + R_squared*term_3 + m*(d**2 + s**2)
-    inertia_platform_turning_platform_turning = J*term_8 + inertia_platform
-    ratio_platform_turning_platform_lateral = d*term_6
+    term_5 = 3*R_squared*r_squared_inverse
+    inertia_platform = I + 3*I_w + R_squared*term_2 + m*(d**2 + s**2)
+    inertia_platform_turning_platform_turning = J*term_5 + inertia_platform
+    ratio_platform_turning_platform_lateral = d*term_4
     pivot_platform_turning = (
-            -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_forward**2
-            - inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
-            + inertia_platform_turning_platform_turning
-        )
+        -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_forward**2
+        - inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
+        + inertia_platform_turning_platform_turning
+    )
     pivot_platform_turning_inverse = 1/pivot_platform_turning
-    term_10 = mass_platform*platform_turning
-    term_11 = m*platform_turning
-    coriolis_platform_turning_platform_forward = d*term_11
+    term_6 = mass_platform*platform_turning
+    m_times_platform_turning = m*platform_turning
+    coriolis_platform_turning_platform_forward = d*m_times_platform_turning
     force_platform_turning_by_platform_forward = (
-            coriolis_platform_forward_platform_forward*ratio_platform_turning_platform_forward
-            - coriolis_platform_turning_platform_forward + ratio_platform_turning_platform_lateral*term_10
-        )
-    platform_turning_dot_by_platform_forward = (
-            force_platform_turning_by_platform_forward*pivot_platform_turning_inverse
-        )
+        coriolis_platform_forward_platform_forward*ratio_platform_turning_platform_forward
+        - coriolis_platform_turning_platform_forward + ratio_platform_turning_platform_lateral*term_6
+    )
+    platform_turning_dot_by_platform_forward = force_platform_turning_by_platform_forward*pivot_platform_turning_inverse
     platform_forward_dot_by_platform_forward = (
-            -platform_turning_dot_by_platform_forward*ratio_platform_turning_platform_forward - term_5
-        )
-    term_12 = inertia_platform_forward_platform_forward_inverse*term_10
-    coriolis_platform_turning_platform_lateral = s*term_11
+        -platform_turning_dot_by_platform_forward*ratio_platform_turning_platform_forward - term_3
+    )
+    term_7 = inertia_platform_forward_platform_forward_inverse*term_6
+    coriolis_platform_turning_platform_lateral = s*m_times_platform_turning
     force_platform_turning_by_platform_lateral = (
-            coriolis_platform_forward_platform_forward*ratio_platform_turning_platform_lateral
-            - coriolis_platform_turning_platform_lateral - ratio_platform_turning_platform_forward*term_10
-        )
-    platform_turning_dot_by_platform_lateral = (
-            force_platform_turning_by_platform_lateral*pivot_platform_turning_inverse
-        )
+        coriolis_platform_forward_platform_forward*ratio_platform_turning_platform_lateral
+        - coriolis_platform_turning_platform_lateral - ratio_platform_turning_platform_forward*term_6
+    )
+    platform_turning_dot_by_platform_lateral = force_platform_turning_by_platform_lateral*pivot_platform_turning_inverse
     platform_forward_dot_by_platform_lateral = (
-            -platform_turning_dot_by_platform_lateral*ratio_platform_turning_platform_forward + term_12
-        )
-    coriolis_platform_forward_platform_turning = -coriolis_platform_turning_platform_forward
+        -platform_turning_dot_by_platform_lateral*ratio_platform_turning_platform_forward + term_7
+    )
     force_platform_forward_by_platform_turning = (
-            -coriolis_platform_forward_platform_turning + coriolis_platform_turning_platform_forward
-            + mass_platform*platform_lateral
-        )
-    coriolis_platform_turning_platform_turning = K2*term_8
-    coriolis_platform_lateral_platform_turning = -coriolis_platform_turning_platform_lateral
+        coriolis_platform_turning_platform_forward + coriolis_platform_turning_platform_forward
+        + mass_platform*platform_lateral
+    )
+    coriolis_platform_turning_platform_turning = K2*term_5
     force_platform_lateral_by_platform_turning = (
-            -2*coriolis_platform_lateral_platform_turning - mass_platform*platform_forward
-        )
+        2*coriolis_platform_turning_platform_lateral - mass_platform*platform_forward
+    )
     force_platform_turning_by_platform_turning = (
-            -coriolis_platform_turning_platform_turning - d*m*platform_forward
-            - force_platform_forward_by_platform_turning*ratio_platform_turning_platform_forward
-            - force_platform_lateral_by_platform_turning*ratio_platform_turning_platform_lateral - m*platform_lateral*s
-        )
-    platform_turning_dot_by_platform_turning = (
-            force_platform_turning_by_platform_turning*pivot_platform_turning_inverse
-        )
+        -coriolis_platform_turning_platform_turning - d*m*platform_forward
+        - force_platform_forward_by_platform_turning*ratio_platform_turning_platform_forward
+        - force_platform_lateral_by_platform_turning*ratio_platform_turning_platform_lateral - m*platform_lateral*s
+    )
+    platform_turning_dot_by_platform_turning = force_platform_turning_by_platform_turning*pivot_platform_turning_inverse
     platform_forward_dot_by_platform_turning = (
-            force_platform_forward_by_platform_turning*inertia_platform_forward_platform_forward_inverse
-            - platform_turning_dot_by_platform_turning*ratio_platform_turning_platform_forward
-        )
+        force_platform_forward_by_platform_turning*inertia_platform_forward_platform_forward_inverse
+        - platform_turning_dot_by_platform_turning*ratio_platform_turning_platform_forward
+    )
     platform_lateral_dot_by_platform_forward = (
-            -platform_turning_dot_by_platform_forward*ratio_platform_turning_platform_lateral - term_12
-        )
+        -platform_turning_dot_by_platform_forward*ratio_platform_turning_platform_lateral - term_7
+    )
     platform_lateral_dot_by_platform_lateral = (
-            -platform_turning_dot_by_platform_lateral*ratio_platform_turning_platform_lateral - term_5
-        )
+        -platform_turning_dot_by_platform_lateral*ratio_platform_turning_platform_lateral - term_3
+    )
     platform_lateral_dot_by_platform_turning = (
-            force_platform_lateral_by_platform_turning*inertia_platform_forward_platform_forward_inverse
-            - platform_turning_dot_by_platform_turning*ratio_platform_turning_platform_lateral
-        )
+        force_platform_lateral_by_platform_turning*inertia_platform_forward_platform_forward_inverse
+        - platform_turning_dot_by_platform_turning*ratio_platform_turning_platform_lateral
+    )
     out = _zeros((6, 6), x, u, w, p)
     out[0, 2] = -y_dot
-    out[0, 3] = cos_phi
+    out[0, 3] = out[1, 4] = cos_phi
     out[0, 4] = -sin_phi
-    out[1, 2] = x_dot
+    out[1, 2] = cos_phi*platform_forward - platform_lateral*sin_phi
     out[1, 3] = sin_phi
-    out[1, 4] = cos_phi
     out[2, 5] = 1
     out[3, 3] = platform_forward_dot_by_platform_forward
     out[3, 4] = platform_forward_dot_by_platform_lateral
@@ -625,71 +530,61 @@ def state_jacobian(x, u, w, p):
 
 @_function(x=6, u=3, w=3, p=11)
 def input_jacobian(x, u, w, p):
-    """dx'/du; equation d(15)/du.
+    """dx'/du; Jacobian of (15) by u.
 
     x: state [q; v], (6,)
     u: motor voltages, (3,)
     w: generalized forces on v, Fbar + taubar_d, (3,)
     p: physical parameters, (11,)
-    Returns: shape (2n-m, n_u) = (6, 3); 72 operations.
+    Returns: shape (2n-m, n_u) = (6, 3); 71 operations.
     """
-    r = p[0]
-    R = p[1]
-    d = p[2]
-    s = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    term_1 = J/r**2
-    term_2 = 3*m_w
-    mass_platform = m + term_2
-    inertia_platform_forward_platform_forward = mass_platform + 3*term_1/2
+    r, R, d, s, m, m_w, I, I_w, J, K1 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9]
+    J_over_r_squared = J/r**2
+    term_1 = 3*m_w
+    mass_platform = m + term_1
+    inertia_platform_forward_platform_forward = mass_platform + 3*J_over_r_squared/2
     inertia_platform_forward_platform_forward_inverse = 1/inertia_platform_forward_platform_forward
-    term_4 = inertia_platform_forward_platform_forward_inverse*m
-    ratio_platform_turning_platform_forward = -s*term_4
+    term_2 = inertia_platform_forward_platform_forward_inverse*m
+    ratio_platform_turning_platform_forward = -s*term_2
     R_squared = R**2
-    inertia_platform = I + 3*I_w + R_squared*term_2 + m*(d**2 + s**2)
-    inertia_platform_turning_platform_turning = 3*R_squared*term_1 + inertia_platform
-    ratio_platform_turning_platform_lateral = d*term_4
+    inertia_platform = I + 3*I_w + R_squared*term_1 + m*(d**2 + s**2)
+    inertia_platform_turning_platform_turning = 3*R_squared*J_over_r_squared + inertia_platform
+    ratio_platform_turning_platform_lateral = d*term_2
     pivot_platform_turning = (
-            -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_forward**2
-            - inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
-            + inertia_platform_turning_platform_turning
-        )
+        -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_forward**2
+        - inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral**2
+        + inertia_platform_turning_platform_turning
+    )
     pivot_platform_turning_inverse = 1/pivot_platform_turning
     r_inverse = 1/r
     force_platform_lateral_by_u_1 = K1*r_inverse
     force_platform_turning_by_u_1 = (
-            R*force_platform_lateral_by_u_1 - force_platform_lateral_by_u_1*ratio_platform_turning_platform_lateral
-        )
+        R*force_platform_lateral_by_u_1 - force_platform_lateral_by_u_1*ratio_platform_turning_platform_lateral
+    )
     platform_turning_dot_by_u_1 = force_platform_turning_by_u_1*pivot_platform_turning_inverse
-    term_8 = force_platform_lateral_by_u_1/2
-    force_platform_forward_by_u_3 = sqrt(3)*term_8
-    force_platform_forward_by_u_2 = -force_platform_forward_by_u_3
-    force_platform_lateral_by_u_2 = -term_8
-    term_9 = -K1*R*r_inverse + force_platform_lateral_by_u_2*ratio_platform_turning_platform_lateral
-    force_platform_turning_by_u_2 = -force_platform_forward_by_u_2*ratio_platform_turning_platform_forward - term_9
+    term_3 = force_platform_lateral_by_u_1/2
+    force_platform_forward_by_u_3 = sqrt(3)*term_3
+    force_platform_lateral_by_u_2 = -term_3
+    term_4 = -K1*R*r_inverse + force_platform_lateral_by_u_2*ratio_platform_turning_platform_lateral
+    force_platform_turning_by_u_2 = force_platform_forward_by_u_3*ratio_platform_turning_platform_forward - term_4
     platform_turning_dot_by_u_2 = force_platform_turning_by_u_2*pivot_platform_turning_inverse
     platform_forward_dot_by_u_2 = (
-            force_platform_forward_by_u_2*inertia_platform_forward_platform_forward_inverse
-            - platform_turning_dot_by_u_2*ratio_platform_turning_platform_forward
-        )
-    force_platform_turning_by_u_3 = -force_platform_forward_by_u_3*ratio_platform_turning_platform_forward - term_9
+        -force_platform_forward_by_u_3*inertia_platform_forward_platform_forward_inverse
+        - platform_turning_dot_by_u_2*ratio_platform_turning_platform_forward
+    )
+    force_platform_turning_by_u_3 = -force_platform_forward_by_u_3*ratio_platform_turning_platform_forward - term_4
     platform_turning_dot_by_u_3 = force_platform_turning_by_u_3*pivot_platform_turning_inverse
     platform_forward_dot_by_u_3 = (
-            force_platform_forward_by_u_3*inertia_platform_forward_platform_forward_inverse
-            - platform_turning_dot_by_u_3*ratio_platform_turning_platform_forward
-        )
+        force_platform_forward_by_u_3*inertia_platform_forward_platform_forward_inverse
+        - platform_turning_dot_by_u_3*ratio_platform_turning_platform_forward
+    )
     platform_lateral_dot_by_u_1 = (
-            force_platform_lateral_by_u_1*inertia_platform_forward_platform_forward_inverse
-            - platform_turning_dot_by_u_1*ratio_platform_turning_platform_lateral
-        )
-    term_10 = force_platform_lateral_by_u_2*inertia_platform_forward_platform_forward_inverse
-    platform_lateral_dot_by_u_2 = -platform_turning_dot_by_u_2*ratio_platform_turning_platform_lateral + term_10
-    platform_lateral_dot_by_u_3 = -platform_turning_dot_by_u_3*ratio_platform_turning_platform_lateral + term_10
+        force_platform_lateral_by_u_1*inertia_platform_forward_platform_forward_inverse
+        - platform_turning_dot_by_u_1*ratio_platform_turning_platform_lateral
+    )
+    term_5 = force_platform_lateral_by_u_2*inertia_platform_forward_platform_forward_inverse
+    platform_lateral_dot_by_u_2 = -platform_turning_dot_by_u_2*ratio_platform_turning_platform_lateral + term_5
+    platform_lateral_dot_by_u_3 = -platform_turning_dot_by_u_3*ratio_platform_turning_platform_lateral + term_5
     out = _zeros((6, 3), x, u, w, p)
     out[3, 0] = -platform_turning_dot_by_u_1*ratio_platform_turning_platform_forward
     out[3, 1] = platform_forward_dot_by_u_2
@@ -705,94 +600,83 @@ def input_jacobian(x, u, w, p):
 
 @_function(p=11)
 def base_parameters(p):
-    """theta(p), forward form; equation (30), (82).
+    """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (11,)
     Returns: shape (n_theta,) = (23,); 95 operations.
     """
-    r = p[0]
-    R = p[1]
-    d = p[2]
-    s = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K2 = p[10]
-    term_1 = 1/(r**2)
-    term_2 = 3*term_1/2
-    term_3 = 3*m_w
-    mass_platform = m + term_3
-    inertia_platform_forward_platform_forward = J*term_2 + mass_platform
+    r, R, d, s, m, m_w, I, I_w, J, K1, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10]
+    r_squared_inverse = 1/(r**2)
+    term_1 = 3*r_squared_inverse/2
+    term_2 = 3*m_w
+    mass_platform = m + term_2
+    inertia_platform_forward_platform_forward = J*term_1 + mass_platform
     inertia_platform_forward_platform_forward_inverse = 1/inertia_platform_forward_platform_forward
-    term_5 = m*s
-    ratio_platform_turning_platform_forward = -inertia_platform_forward_platform_forward_inverse*term_5
+    m_times_s = m*s
+    ratio_platform_turning_platform_forward = -inertia_platform_forward_platform_forward_inverse*m_times_s
     ratio_platform_turning_platform_forward_squared = ratio_platform_turning_platform_forward**2
-    coriolis_platform_forward_platform_forward = K2*term_2
-    term_7 = coriolis_platform_forward_platform_forward*inertia_platform_forward_platform_forward_inverse
-    term_8 = d*m
-    ratio_platform_turning_platform_lateral = inertia_platform_forward_platform_forward_inverse*term_8
+    coriolis_platform_forward_platform_forward = K2*term_1
+    term_3 = coriolis_platform_forward_platform_forward*inertia_platform_forward_platform_forward_inverse
+    d_times_m = d*m
+    ratio_platform_turning_platform_lateral = inertia_platform_forward_platform_forward_inverse*d_times_m
     ratio_platform_turning_platform_lateral_squared = ratio_platform_turning_platform_lateral**2
     R_squared = R**2
-    term_11 = 3*R_squared*term_1
-    inertia_platform = I + 3*I_w + R_squared*term_3 + m*(d**2 + s**2)
-    inertia_platform_turning_platform_turning = J*term_11 + inertia_platform
+    term_4 = 3*R_squared*r_squared_inverse
+    inertia_platform = I + 3*I_w + R_squared*term_2 + m*(d**2 + s**2)
+    inertia_platform_turning_platform_turning = J*term_4 + inertia_platform
     pivot_platform_turning = (
-            -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_forward_squared
-            - inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral_squared
-            + inertia_platform_turning_platform_turning
-        )
+        -inertia_platform_forward_platform_forward*ratio_platform_turning_platform_forward_squared
+        - inertia_platform_forward_platform_forward*ratio_platform_turning_platform_lateral_squared
+        + inertia_platform_turning_platform_turning
+    )
     pivot_platform_turning_inverse = 1/pivot_platform_turning
-    term_13 = coriolis_platform_forward_platform_forward*pivot_platform_turning_inverse
-    term_14 = ratio_platform_turning_platform_forward*term_13
-    coriolis_platform_turning_platform_turning = K2*term_11
-    term_15 = coriolis_platform_turning_platform_turning*pivot_platform_turning_inverse
-    term_16 = (
-            pivot_platform_turning_inverse*(-ratio_platform_turning_platform_forward*term_8
-            - ratio_platform_turning_platform_lateral*term_5)
-        )
-    term_17 = pivot_platform_turning_inverse*(mass_platform*ratio_platform_turning_platform_lateral - term_8)
-    term_18 = pivot_platform_turning_inverse*(-mass_platform*ratio_platform_turning_platform_forward - term_5)
-    term_19 = K1/r
-    term_20 = R*term_19
-    term_21 = ratio_platform_turning_platform_lateral*term_19
-    term_22 = pivot_platform_turning_inverse*(term_20 - term_21)
-    term_23 = inertia_platform_forward_platform_forward_inverse*term_19
-    term_24 = pivot_platform_turning_inverse*(term_20 + term_21/2)
-    term_25 = term_23/2
-    term_26 = pivot_platform_turning_inverse*term_19/2
-    out = _empty((23,), p)
-    out[0] = ratio_platform_turning_platform_forward_squared*term_13 + term_7
-    out[1] = ratio_platform_turning_platform_lateral*term_14
-    out[2] = ratio_platform_turning_platform_forward*term_15
-    out[3] = -ratio_platform_turning_platform_forward*term_16 + ratio_platform_turning_platform_lateral
-    out[4] = -ratio_platform_turning_platform_forward*term_17
+    term_5 = coriolis_platform_forward_platform_forward*pivot_platform_turning_inverse
+    term_6 = ratio_platform_turning_platform_forward*term_5
+    coriolis_platform_turning_platform_turning = K2*term_4
+    term_7 = coriolis_platform_turning_platform_turning*pivot_platform_turning_inverse
+    term_8 = (
+        pivot_platform_turning_inverse*(-ratio_platform_turning_platform_forward*d_times_m
+        - ratio_platform_turning_platform_lateral*m_times_s)
+    )
+    term_9 = pivot_platform_turning_inverse*(mass_platform*ratio_platform_turning_platform_lateral - d_times_m)
+    term_10 = pivot_platform_turning_inverse*(-mass_platform*ratio_platform_turning_platform_forward - m_times_s)
+    K1_over_r = K1/r
+    R_times_K1_over_r = R*K1_over_r
+    term_11 = ratio_platform_turning_platform_lateral*K1_over_r
+    term_12 = pivot_platform_turning_inverse*(R_times_K1_over_r - term_11)
+    term_13 = inertia_platform_forward_platform_forward_inverse*K1_over_r
+    term_14 = pivot_platform_turning_inverse*(R_times_K1_over_r + term_11/2)
+    term_15 = term_13/2
+    term_16 = pivot_platform_turning_inverse*K1_over_r/2
+    out = _zeros((23,), p)
+    out[0] = ratio_platform_turning_platform_forward_squared*term_5 + term_3
+    out[1] = ratio_platform_turning_platform_lateral*term_6
+    out[2] = ratio_platform_turning_platform_forward*term_7
+    out[3] = -ratio_platform_turning_platform_forward*term_8 + ratio_platform_turning_platform_lateral
+    out[4] = -ratio_platform_turning_platform_forward*term_9
     out[5] = (
-            inertia_platform_forward_platform_forward_inverse*mass_platform
-            - ratio_platform_turning_platform_forward*term_18
-        )
-    out[6] = ratio_platform_turning_platform_lateral_squared*term_13 + term_7
-    out[7] = ratio_platform_turning_platform_lateral*term_15
-    out[8] = ratio_platform_turning_platform_forward + ratio_platform_turning_platform_lateral*term_16
+        inertia_platform_forward_platform_forward_inverse*mass_platform
+        - ratio_platform_turning_platform_forward*term_10
+    )
+    out[6] = ratio_platform_turning_platform_lateral_squared*term_5 + term_3
+    out[7] = ratio_platform_turning_platform_lateral*term_7
+    out[8] = ratio_platform_turning_platform_forward + ratio_platform_turning_platform_lateral*term_8
     out[9] = (
-            inertia_platform_forward_platform_forward_inverse*mass_platform
-            + ratio_platform_turning_platform_lateral*term_17
-        )
-    out[10] = term_14
-    out[11] = ratio_platform_turning_platform_lateral*term_13
-    out[12] = term_15
-    out[13] = -term_17
-    out[14] = term_18
-    out[15] = ratio_platform_turning_platform_forward*term_22
-    out[16] = -ratio_platform_turning_platform_lateral*term_22 + term_23
-    out[17] = term_22
-    out[18] = ratio_platform_turning_platform_forward*term_24
-    out[19] = ratio_platform_turning_platform_forward_squared*term_26 + term_25
-    out[20] = ratio_platform_turning_platform_lateral*term_24 + term_25
-    out[21] = term_24
-    out[22] = ratio_platform_turning_platform_forward*term_26
+        inertia_platform_forward_platform_forward_inverse*mass_platform + ratio_platform_turning_platform_lateral*term_9
+    )
+    out[10] = term_6
+    out[11] = ratio_platform_turning_platform_lateral*term_5
+    out[12] = term_7
+    out[13] = -term_9
+    out[14] = term_10
+    out[15] = ratio_platform_turning_platform_forward*term_12
+    out[16] = -ratio_platform_turning_platform_lateral*term_12 + term_13
+    out[17] = term_12
+    out[18] = ratio_platform_turning_platform_forward*term_14
+    out[19] = ratio_platform_turning_platform_forward_squared*term_16 + term_15
+    out[20] = ratio_platform_turning_platform_lateral*term_14 + term_15
+    out[21] = term_14
+    out[22] = ratio_platform_turning_platform_forward*term_16
     return out
 
 
@@ -804,10 +688,8 @@ def output(q, c):
     c: known constants, (0,)
     Returns: shape (n-m,) = (3,); 0 operations.
     """
-    x = q[0]
-    y = q[1]
-    phi = q[2]
-    out = _empty((3,), q, c)
+    x, y, phi = q[0], q[1], q[2]
+    out = _zeros((3,), q, c)
     out[0] = x
     out[1] = y
     out[2] = phi
@@ -823,9 +705,7 @@ def output_jacobian(q, c):
     Returns: shape (n-m, n) = (3, 3); 0 operations.
     """
     out = _zeros((3, 3), q, c)
-    out[0, 0] = 1
-    out[1, 1] = 1
-    out[2, 2] = 1
+    out[0, 0] = out[1, 1] = out[2, 2] = 1
     return out
 
 
@@ -837,13 +717,10 @@ def output_rate(x, c):
     c: known constants, (0,)
     Returns: shape (n-m,) = (3,); 8 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
-    out = _empty((3,), x, c)
+    out = _zeros((3,), x, c)
     out[0] = cos_phi*platform_forward - platform_lateral*sin_phi
     out[1] = cos_phi*platform_lateral + platform_forward*sin_phi
     out[2] = platform_turning
@@ -852,20 +729,15 @@ def output_rate(x, c):
 
 @_function(x=6, c=0)
 def lie_f2_h(x, c):
-    """L_f^2 h = d/dq(J_h S v) S v; equation (21), (86).
+    """L_f^2 h = d/dq(J_h S v) S v; equations (21), (86).
 
     x: state [q; v], (6,)
     c: known constants, (0,)
     Returns: shape (n-m,) = (3,); 11 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    cos_phi = cos(phi)
-    term_1 = cos_phi*platform_turning
-    sin_phi = sin(phi)
-    term_2 = platform_turning*sin_phi
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    term_1 = cos(phi)*platform_turning
+    term_2 = platform_turning*sin(phi)
     out = _zeros((3,), x, c)
     out[0] = -platform_forward*term_2 - platform_lateral*term_1
     out[1] = platform_forward*term_1 - platform_lateral*term_2
@@ -874,50 +746,38 @@ def lie_f2_h(x, c):
 
 @_function(x=6, theta=23, c=0)
 def lie_q_lie_f_h(x, theta, c):
-    """L_q L_f h = J_h S Q; equation (21), (87).
+    """L_q L_f h = J_h S Q; equations (21), (87).
 
     x: state [q; v], (6,)
     theta: base parameters, (23,)
     c: known constants, (0,)
     Returns: shape (n-m,) = (3,); 42 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    theta1 = theta[0]
-    theta2 = theta[1]
-    theta3 = theta[2]
-    theta4 = theta[3]
-    theta5 = theta[4]
-    theta6 = theta[5]
-    theta7 = theta[6]
-    theta8 = theta[7]
-    theta9 = theta[8]
-    theta10 = theta[9]
-    theta11 = theta[10]
-    theta12 = theta[11]
-    theta13 = theta[12]
-    theta14 = theta[13]
-    theta15 = theta[14]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    (
+        theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8, theta9, theta10, theta11, theta12, theta13,
+        theta14, theta15,
+    ) = (
+        theta[0], theta[1], theta[2], theta[3], theta[4], theta[5], theta[6], theta[7], theta[8], theta[9], theta[10],
+        theta[11], theta[12], theta[13], theta[14]
+    )
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     term_1 = platform_forward*platform_turning
     term_2 = platform_lateral*platform_turning
     platform_turning_squared = platform_turning**2
     platform_forward_drift = (
-            -platform_forward*theta1 - platform_lateral*theta2 + platform_turning*theta3
-            + platform_turning_squared*theta4 + term_1*theta5 + term_2*theta6
-        )
+        -platform_forward*theta1 - platform_lateral*theta2 + platform_turning*theta3 + platform_turning_squared*theta4
+        + term_1*theta5 + term_2*theta6
+    )
     platform_lateral_drift = (
-            -platform_forward*theta2 - platform_lateral*theta7 + platform_turning*theta8
-            - platform_turning_squared*theta9 - term_1*theta10 - term_2*theta5
-        )
+        -platform_forward*theta2 - platform_lateral*theta7 + platform_turning*theta8 - platform_turning_squared*theta9
+        - term_1*theta10 - term_2*theta5
+    )
     platform_turning_drift = (
-            platform_forward*theta11 + platform_lateral*theta12 - platform_turning*theta13 - term_1*theta14
-            + term_2*theta15
-        )
-    out = _empty((3,), x, theta, c)
+        platform_forward*theta11 + platform_lateral*theta12 - platform_turning*theta13 - term_1*theta14 + term_2*theta15
+    )
+    out = _zeros((3,), x, theta, c)
     out[0] = cos_phi*platform_forward_drift - platform_lateral_drift*sin_phi
     out[1] = cos_phi*platform_lateral_drift + platform_forward_drift*sin_phi
     out[2] = platform_turning_drift
@@ -934,14 +794,9 @@ def decoupling_matrix(x, theta, c):
     Returns: shape (n-m, n_u) = (3, 3); 37 operations.
     """
     phi = x[2]
-    theta16 = theta[15]
-    theta17 = theta[16]
-    theta18 = theta[17]
-    theta19 = theta[18]
-    theta20 = theta[19]
-    theta21 = theta[20]
-    theta22 = theta[21]
-    theta23 = theta[22]
+    theta16, theta17, theta18, theta19, theta20, theta21, theta22, theta23 = (
+        theta[15], theta[16], theta[17], theta[18], theta[19], theta[20], theta[21], theta[22]
+    )
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     term_1 = sqrt(3)
@@ -954,7 +809,7 @@ def decoupling_matrix(x, theta, c):
     term_8 = term_2 - theta19
     term_9 = -term_5 + term_6 - theta21
     term_10 = term_1*theta23
-    out = _empty((3, 3), x, theta, c)
+    out = _zeros((3, 3), x, theta, c)
     out[0, 0] = -cos_phi*theta16 - sin_phi*theta17
     out[0, 1] = cos_phi*term_3 - sin_phi*term_7
     out[0, 2] = cos_phi*term_8 - sin_phi*term_9
@@ -969,86 +824,75 @@ def decoupling_matrix(x, theta, c):
 
 @_function(x=6, u=3, c=0)
 def regressor(x, u, c):
-    """Y: y'' = L_f^2 h + Y theta; W of (89) is Y at the control; equation (31), (89).
+    """Y: y'' = L_f^2 h + Y theta; W of (89) is Y at the control; equations (31), (89).
 
     x: state [q; v], (6,)
     u: motor voltages, (3,)
     c: known constants, (0,)
-    Returns: shape (n-m, n_theta) = (3, 23); 63 operations.
+    Returns: shape (n-m, n_theta) = (3, 23); 61 operations.
     """
-    phi = x[2]
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    u_1 = u[0]
-    u_2 = u[1]
-    u_3 = u[2]
+    phi, platform_forward, platform_lateral, platform_turning = x[2], x[3], x[4], x[5]
+    u_1, u_2, u_3 = u[0], u[1], u[2]
     cos_phi = cos(phi)
-    term_1 = cos_phi*platform_forward
-    term_2 = cos_phi*platform_lateral
+    cos_phi_times_platform_forward = cos_phi*platform_forward
+    cos_phi_times_platform_lateral = cos_phi*platform_lateral
     sin_phi = sin(phi)
-    term_3 = platform_forward*sin_phi
-    term_4 = -term_3
-    term_5 = cos_phi*platform_turning
+    platform_forward_times_sin_phi = platform_forward*sin_phi
     platform_turning_squared = platform_turning**2
-    term_7 = cos_phi*platform_turning_squared
-    term_8 = platform_turning*term_1
-    term_9 = platform_lateral*sin_phi
-    term_10 = platform_turning*term_9
-    term_11 = platform_turning*term_2
-    term_12 = platform_turning*sin_phi
-    term_13 = platform_turning_squared*sin_phi
-    term_14 = cos_phi*u_1
-    term_15 = sqrt(3)
-    term_16 = term_15*u_2
-    term_17 = -term_15*u_3/3 + term_16/3
-    term_18 = -sin_phi*u_1
-    term_19 = u_2 + u_3
-    term_20 = -term_19
-    term_21 = cos_phi*term_20
-    term_22 = -term_17
-    term_23 = -term_15*u_3 + term_16
-    term_24 = -term_23
-    term_25 = sin_phi*term_20
+    term_1 = cos_phi*platform_turning_squared
+    term_2 = platform_turning*cos_phi_times_platform_forward
+    platform_lateral_times_sin_phi = platform_lateral*sin_phi
+    term_3 = platform_turning*platform_lateral_times_sin_phi
+    term_4 = platform_turning*cos_phi_times_platform_lateral
+    platform_turning_times_sin_phi = platform_turning*sin_phi
+    cos_phi_times_u_1 = cos_phi*u_1
+    term_5 = sqrt(3)
+    term_6 = term_5*u_2
+    term_7 = -term_5*u_3/3 + term_6/3
+    term_8 = -sin_phi*u_1
+    term_9 = u_2 + u_3
+    term_10 = -term_9
+    term_11 = cos_phi*term_10
+    term_12 = -term_5*u_3 + term_6
+    term_13 = -term_12
+    term_14 = sin_phi*term_10
     out = _zeros((3, 23), x, u, c)
-    out[0, 0] = -term_1
-    out[0, 1] = -term_2 - term_4
-    out[0, 2] = term_5
-    out[0, 3] = term_7
-    out[0, 4] = term_10 + term_8
-    out[0, 5] = term_11
-    out[0, 6] = term_9
-    out[0, 7] = -term_12
-    out[0, 8] = term_13
-    out[0, 9] = platform_turning*term_3
-    out[0, 15] = -sin_phi*term_17 - term_14
-    out[0, 16] = term_18
-    out[0, 18] = -sin_phi*term_22 + term_21
-    out[0, 19] = cos_phi*term_24
-    out[0, 20] = -term_25
-    out[1, 0] = term_4
-    out[1, 1] = -term_1 - term_9
-    out[1, 2] = term_12
-    out[1, 3] = term_13
-    out[1, 4] = platform_forward*platform_turning*sin_phi - term_11
-    out[1, 5] = term_10
-    out[1, 6] = -term_2
-    out[1, 7] = term_5
-    out[1, 8] = -term_7
-    out[1, 9] = -term_8
-    out[1, 15] = cos_phi*term_17 + term_18
-    out[1, 16] = term_14
-    out[1, 18] = cos_phi*term_22 + term_25
-    out[1, 19] = sin_phi*term_24
-    out[1, 20] = term_21
+    out[0, 0] = -cos_phi_times_platform_forward
+    out[0, 1] = -cos_phi_times_platform_lateral + platform_forward_times_sin_phi
+    out[0, 2] = out[1, 7] = cos_phi*platform_turning
+    out[0, 3] = term_1
+    out[0, 4] = term_3 + term_2
+    out[0, 5] = term_4
+    out[0, 6] = platform_lateral_times_sin_phi
+    out[0, 7] = -platform_turning_times_sin_phi
+    out[0, 8] = out[1, 3] = platform_turning_squared*sin_phi
+    out[0, 9] = platform_turning*platform_forward_times_sin_phi
+    out[0, 15] = -sin_phi*term_7 - cos_phi_times_u_1
+    out[0, 16] = term_8
+    out[0, 18] = sin_phi*term_7 + term_11
+    out[0, 19] = cos_phi*term_13
+    out[0, 20] = -term_14
+    out[1, 0] = -platform_forward_times_sin_phi
+    out[1, 1] = -cos_phi_times_platform_forward - platform_lateral_times_sin_phi
+    out[1, 2] = platform_turning_times_sin_phi
+    out[1, 4] = platform_forward*platform_turning*sin_phi - term_4
+    out[1, 5] = term_3
+    out[1, 6] = -cos_phi_times_platform_lateral
+    out[1, 8] = -term_1
+    out[1, 9] = -term_2
+    out[1, 15] = cos_phi*term_7 + term_8
+    out[1, 16] = cos_phi_times_u_1
+    out[1, 18] = -cos_phi*term_7 + term_14
+    out[1, 19] = sin_phi*term_13
+    out[1, 20] = term_11
     out[2, 10] = platform_forward
     out[2, 11] = platform_lateral
     out[2, 12] = -platform_turning
     out[2, 13] = -platform_forward*platform_turning
     out[2, 14] = platform_lateral*platform_turning
     out[2, 17] = u_1
-    out[2, 21] = term_19
-    out[2, 22] = term_23
+    out[2, 21] = term_9
+    out[2, 22] = term_12
     return out
 
 
@@ -1059,59 +903,47 @@ def inverse_regressor(x, a, c):
     x: state [q; v], (6,)
     a: accelerations v', (3,)
     c: known constants, (0,)
-    Returns: shape (n_u, n_pi) = (3, 9); 42 operations.
+    Returns: shape (n_u, n_pi) = (3, 9); 40 operations.
     """
-    platform_forward = x[3]
-    platform_lateral = x[4]
-    platform_turning = x[5]
-    a_platform_forward = a[0]
-    a_platform_lateral = a[1]
-    a_platform_turning = a[2]
+    platform_forward, platform_lateral, platform_turning = x[3], x[4], x[5]
+    a_platform_forward, a_platform_lateral, a_platform_turning = a[0], a[1], a[2]
     platform_turning_squared = platform_turning**2
-    term_2 = a_platform_lateral/3
-    term_3 = platform_forward*platform_turning
-    term_4 = platform_lateral*platform_turning
-    term_5 = a_platform_forward - term_4
-    term_6 = 2*a_platform_lateral/3
-    term_7 = platform_lateral/2
-    term_8 = sqrt(3)
-    term_9 = term_8/2
-    term_10 = platform_forward*term_9
-    term_11 = platform_turning_squared/2
-    term_12 = a_platform_turning*term_9
-    term_13 = term_4*term_8/3
-    term_14 = -term_13
-    term_15 = term_3 + term_6
-    term_16 = 3*a_platform_turning
-    term_17 = platform_turning_squared*term_8
-    term_18 = a_platform_forward*term_8
+    term_1 = a_platform_lateral/3
+    term_2 = platform_forward*platform_turning
+    term_3 = platform_lateral*platform_turning
+    term_4 = 2*a_platform_lateral/3
+    term_5 = platform_lateral/2
+    term_6 = sqrt(3)
+    term_7 = term_6/2
+    term_8 = platform_forward*term_7
+    term_9 = platform_turning_squared/2
+    term_10 = a_platform_turning*term_7
+    term_11 = term_3*term_6/3
+    term_12 = term_2 + term_4
+    term_13 = 3*a_platform_turning
+    term_14 = platform_turning_squared*term_6
+    term_15 = a_platform_forward*term_6
     out = _zeros((3, 9), x, a, c)
     out[0, 0] = platform_lateral
-    out[0, 1] = platform_turning
+    out[0, 1] = out[1, 1] = out[2, 1] = platform_turning
     out[0, 2] = platform_turning_squared
-    out[0, 3] = term_2 + term_3
-    out[0, 4] = term_5
-    out[0, 5] = -term_6
+    out[0, 3] = term_1 + term_2
+    out[0, 4] = out[1, 4] = out[2, 4] = a_platform_forward - term_3
+    out[0, 5] = -term_4
     out[0, 7] = 2*a_platform_lateral
-    out[0, 8] = a_platform_turning
-    out[1, 0] = -term_10 - term_7
-    out[1, 1] = platform_turning
-    out[1, 2] = -term_11 - term_12
-    out[1, 3] = term_13 + term_2
-    out[1, 4] = term_5
-    out[1, 5] = -term_14 - term_15
-    out[1, 6] = -term_16 + term_17
-    out[1, 7] = -a_platform_lateral - term_18
-    out[1, 8] = a_platform_turning
-    out[2, 0] = term_10 - term_7
-    out[2, 1] = platform_turning
-    out[2, 2] = -term_11 + term_12
-    out[2, 3] = term_14 + term_2
-    out[2, 4] = term_5
-    out[2, 5] = -term_13 - term_15
-    out[2, 6] = -term_16 - term_17
-    out[2, 7] = -a_platform_lateral + term_18
-    out[2, 8] = a_platform_turning
+    out[0, 8] = out[1, 8] = out[2, 8] = a_platform_turning
+    out[1, 0] = -term_8 - term_5
+    out[1, 2] = -term_9 - term_10
+    out[1, 3] = term_11 + term_1
+    out[1, 5] = term_11 - term_12
+    out[1, 6] = -term_13 + term_14
+    out[1, 7] = -a_platform_lateral - term_15
+    out[2, 0] = term_8 - term_5
+    out[2, 2] = -term_9 + term_10
+    out[2, 3] = -term_11 + term_1
+    out[2, 5] = -term_11 - term_12
+    out[2, 6] = -term_13 - term_14
+    out[2, 7] = -a_platform_lateral + term_15
     return out
 
 
@@ -1122,43 +954,33 @@ def inverse_base_parameters(p):
     p: physical parameters, (11,)
     Returns: shape (n_pi,) = (9,); 48 operations.
     """
-    r = p[0]
-    R = p[1]
-    d = p[2]
-    s = p[3]
-    m = p[4]
-    m_w = p[5]
-    I = p[6]
-    I_w = p[7]
-    J = p[8]
-    K1 = p[9]
-    K2 = p[10]
-    term_1 = r/K1
-    term_2 = 2*term_1/3
-    term_3 = 1/(r**2)
-    term_4 = 3*term_3/2
-    coriolis_platform_forward_platform_forward = K2*term_4
-    term_5 = term_1/3
-    term_6 = term_5/R
+    r, R, d, s, m, m_w, I, I_w, J, K1, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10]
+    r_over_K1 = r/K1
+    term_1 = 2*r_over_K1/3
+    r_squared_inverse = 1/(r**2)
+    term_2 = 3*r_squared_inverse/2
+    coriolis_platform_forward_platform_forward = K2*term_2
+    term_3 = r_over_K1/3
+    term_4 = term_3/R
     R_squared = R**2
-    term_8 = 3*R_squared*term_3
-    coriolis_platform_turning_platform_turning = K2*term_8
-    term_9 = m*term_2
-    term_10 = d*m
-    term_11 = term_10*term_6
-    term_12 = 3*m_w
-    mass_platform = m + term_12
-    inertia_platform_forward_platform_forward = J*term_4 + mass_platform
-    inertia_platform = I + 3*I_w + R_squared*term_12 + m*(d**2 + s**2)
-    inertia_platform_turning_platform_turning = J*term_8 + inertia_platform
-    out = _empty((9,), p)
-    out[0] = coriolis_platform_forward_platform_forward*term_2
-    out[1] = coriolis_platform_turning_platform_turning*term_6
-    out[2] = -s*term_9
-    out[3] = mass_platform*term_2 + term_11
-    out[4] = -m*s*term_6
-    out[5] = mass_platform*term_5 - term_11
-    out[6] = term_10*term_5
-    out[7] = inertia_platform_forward_platform_forward*term_5
-    out[8] = d*term_9 + inertia_platform_turning_platform_turning*term_6
+    term_5 = 3*R_squared*r_squared_inverse
+    coriolis_platform_turning_platform_turning = K2*term_5
+    term_6 = m*term_1
+    d_times_m = d*m
+    term_7 = d_times_m*term_4
+    term_8 = 3*m_w
+    mass_platform = m + term_8
+    inertia_platform_forward_platform_forward = J*term_2 + mass_platform
+    inertia_platform = I + 3*I_w + R_squared*term_8 + m*(d**2 + s**2)
+    inertia_platform_turning_platform_turning = J*term_5 + inertia_platform
+    out = _zeros((9,), p)
+    out[0] = coriolis_platform_forward_platform_forward*term_1
+    out[1] = coriolis_platform_turning_platform_turning*term_4
+    out[2] = -s*term_6
+    out[3] = mass_platform*term_1 + term_7
+    out[4] = -m*s*term_4
+    out[5] = mass_platform*term_3 - term_7
+    out[6] = d_times_m*term_3
+    out[7] = inertia_platform_forward_platform_forward*term_3
+    out[8] = d*term_6 + inertia_platform_turning_platform_turning*term_4
     return out

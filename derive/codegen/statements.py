@@ -6,6 +6,7 @@ import keyword
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 
 import sympy as sp
@@ -31,7 +32,7 @@ class Statements:
     inlined: dict[Symbol, Expr]
     negated: frozenset[Symbol]
 
-    @property
+    @cached_property
     def operations(self) -> int:
         """Arithmetic operations and function calls of one evaluation; equal entries are computed once."""
         printed = {
@@ -146,11 +147,12 @@ class _Draft:
             for power in expression.atoms(sp.Pow)
             if power.base.is_Symbol
         }
+        operations = self._statements().operations
         for symbol, expression in list(self.definitions.items()):
             sign, other = self._root(-expression)
             if other not in self.definitions or sign < 0 or not raised.isdisjoint({symbol, other}):
                 continue
-            before, kept = self._statements().operations, (self.definitions, dict(self.replaced))
+            kept = self.definitions, dict(self.replaced)
             if other in self.numbered and symbol not in self.numbered:
                 if not self.definitions[other].is_Mul or self.definitions[other].has(sp.Add):
                     continue
@@ -160,7 +162,9 @@ class _Draft:
             else:
                 self.definitions = {s: e for s, e in self.definitions.items() if s != symbol}
                 self.replaced[symbol] = -1, other
-            if self._statements().operations > before:
+            if (fewer := self._statements().operations) <= operations:
+                operations = fewer
+            else:
                 self.definitions, self.replaced = kept
 
     def _return_at_once(self) -> None:

@@ -49,7 +49,7 @@ class Derivation:
     dynamics: Dynamics
     parameters: Parameters
     adaptive: AdaptiveForm
-    control: Control | None  # None where the description wants the model alone
+    control: Control | None  # None if the description wants the model alone
 
     @property
     def terms(self) -> Terms:
@@ -76,18 +76,19 @@ class Derivation:
 
 
 def derive_robot(path: Path, progress: Progress = lambda step: None) -> Derivation:
-    """Derives the robot described at `path`; `progress` is told every step.
+    """Derive the robot described at `path`; `progress` is called with every step.
 
-    Raises: InputError, where the description is wrong or too odd to be derived.
+    Raises:
+        InputError: If the description is wrong or too odd to be derived.
     """
     progress("description")
     robot = read_robot(path)
-    with telling(str(path)):
+    with mistakes_named(str(path)):
         return _derive(robot, progress)
 
 
 @contextmanager
-def telling(file: str) -> Iterator[None]:
+def mistakes_named(file: str) -> Iterator[None]:
     """What the mathematics cannot do becomes a mistake of the description, never a traceback."""
     try:
         yield
@@ -95,8 +96,8 @@ def telling(file: str) -> Iterator[None]:
         problem, remedy = "something is not defined at random configurations", "check roots and quotients"
         raise InputError(file, "", problem, remedy) from None
     except (ArithmeticError, ValueError, RecursionError, NoConvergence, NotImplementedError) as error:
-        told = " ".join(str(error).split())[:80]
-        problem = f"cannot be derived ({type(error).__name__}: {told})"
+        reason = " ".join(str(error).split())[:80]
+        problem = f"cannot be derived ({type(error).__name__}: {reason})"
         raise InputError(file, "", problem, "simplify its expressions, or report it with this file") from error
 
 

@@ -115,7 +115,8 @@ class Point:
     def __call__(self, expression: Expr) -> Element:
         """The value of `expression` here.
 
-        Raises: NotRepresentable.
+        Raises:
+            NotRepresentable: If it has none in the field.
         """
         if expression not in self._memo:
             try:

@@ -109,7 +109,7 @@ def _combine(basis: Sequence[Column], coefficients: Sequence[Expr], column: Colu
 
 
 def _fraction(residue: int) -> sp.Rational | None:
-    """The small fraction that `residue` stands for, by the Euclidean algorithm; None where there is none."""
+    """The small fraction that `residue` stands for, by the Euclidean algorithm; None if there is none."""
     bound = isqrt(isqrt(PRIME))
     previous, current = (PRIME, 0), (residue % PRIME, 1)
     while current[0] > bound:

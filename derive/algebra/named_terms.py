@@ -65,7 +65,8 @@ class Terms:
     def rank(self, matrix: Matrix, numbers: Mapping[Symbol, Expr] | None = None) -> int:
         """The rank of `matrix` at almost every point, or at almost every point where symbols have given `numbers`.
 
-        Raises: NotRepresentable, where it has no value anywhere.
+        Raises:
+            NotRepresentable: If it has no value anywhere.
         """
         for seed in range(TRIED_POINTS):
             try:

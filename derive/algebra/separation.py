@@ -54,7 +54,8 @@ class Separation:
     def products(self, expression: Expr) -> Products:
         """`expression` as a sum of products; factors of known constants stand with the state.
 
-        Raises: NotSeparable.
+        Raises:
+            NotSeparable: If a factor contains both state and uncertain parameters.
         """
         if expression not in self._memo:
             self._memo[expression] = self._products(expression)

@@ -43,7 +43,8 @@ class MixedUnits(UnknownUnit):
 def parse_unit(text: str) -> Unit:
     """`N m s/rad` -> exponents. What stands behind a stroke is in the denominator; radians count as 1.
 
-    Raises: UnknownUnit.
+    Raises:
+        UnknownUnit: If a word is no unit.
     """
     exponents: Unit = {}
     for place, part in enumerate(text.replace("*", " ").replace("(", " ").replace(")", " ").split("/")):
@@ -97,7 +98,9 @@ class Units:
     def of(self, expression: Expr) -> Unit:
         """The unit of an expression; numbers fit anything in a sum.
 
-        Raises: UnknownUnit, where a symbol has none; MixedUnits.
+        Raises:
+            UnknownUnit: If a symbol has none.
+            MixedUnits: If a sum adds different units.
         """
         if expression.is_Symbol:
             if expression not in self._known:

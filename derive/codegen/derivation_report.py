@@ -1,4 +1,4 @@
-"""`derivation.md`: the derivation told in equations, as a person would want to read it."""
+"""`derivation.md`: the derivation in equations, as a person would want to read it."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class _Tex:
         self._open: list[Expr] = []
 
     def __call__(self, expression: Expr | Matrix) -> str:
-        """`expression` in the user's symbols where that is short, else in named terms."""
+        """`expression` in the user's symbols if that is short, else in named terms."""
         terms = self.derivation.terms
         expand = terms.expand if isinstance(expression, sp.Expr) else lambda m: m.applyfunc(terms.expand)
         expanded = expand(expression)

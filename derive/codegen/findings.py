@@ -12,7 +12,7 @@ from ..control.linearization import relative_degree
 from ..control.nonlinearity import Obstacle
 from ..derivation import Control, Derivation
 
-_READABLE = 60  # operations; longer denominators are told by their name
+_READABLE = 60  # operations; longer denominators are given by their name
 
 
 def findings(derivation: Derivation) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def _of_control(d: Derivation, control: Control) -> dict[str, Any]:
         },
         "determinant_of": "D" if det.is_square else "D D^T",
         "det_decoupling_matrix": str(det.product),
-        "det_denominator": det.told_denominator,
+        "det_denominator": det.denominator_text,
         "singular_where": det.singular_where,
         "determinant_parameters": [theta.name for theta in d.adaptive.theta if theta in det.gain.free_symbols],
         "internal_coordinates": [z.name for z in internal.free],

@@ -13,7 +13,7 @@ import sympy as sp
 
 from wmr_input import InputError, WmrError
 
-from ..derivation import Derivation, Progress, derive_robot, telling
+from ..derivation import Derivation, Progress, derive_robot, mistakes_named
 from ..description.tables import read_description
 from .derivation_report import print_report
 from .json_text import json_text
@@ -32,7 +32,8 @@ Files = dict[str, str]  # path below the output folder -> text
 def generate(robots: Iterable[Path], progress: Callable[[Path], Progress]) -> Files:
     """The files of all `robots`, by path below the output folder.
 
-    Raises: InputError, where a description is wrong or two robots share a name.
+    Raises:
+        InputError: If a description is wrong or two robots share a name.
     """
     files: Files = {}
     origins: dict[str, Path] = {}
@@ -48,7 +49,7 @@ def generate(robots: Iterable[Path], progress: Callable[[Path], Progress]) -> Fi
 def generate_one(path: Path, progress: Progress = lambda step: None) -> Files:
     """The files of one robot."""
     derivation = derive_robot(path, progress)
-    with telling(str(path)):
+    with mistakes_named(str(path)):
         return files_of(derivation, path, progress)
 
 
@@ -87,9 +88,10 @@ def _print_json(metadata: Metadata, functions: list[Quantity], path: Path) -> st
 
 
 def write(files: Files, out: Path) -> None:
-    """Writes `files` below `out`, each at once.
+    """Write `files` below `out`, each at once.
 
-    Raises: WmrError, where the folder cannot be written.
+    Raises:
+        WmrError: If the folder cannot be written.
     """
     for name, text in files.items():
         target = out / name
@@ -113,7 +115,7 @@ def _replace(target: Path, text: str) -> None:
 
 
 def differences(files: Files, out: Path) -> str:
-    """What differs between `files` and the folder `out`, as a unified diff; empty where nothing does."""
+    """What differs between `files` and the folder `out`, as a unified diff; empty if nothing does."""
     present = {
         path.relative_to(out).as_posix(): path
         for path in sorted(out.rglob("*"))

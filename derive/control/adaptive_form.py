@@ -31,10 +31,10 @@ class AdaptiveForm:
     base_parameters: tuple[Expr, ...]  # theta as functions of p
     drift: Matrix  # Q(x, theta, c), (n-m, 1)
     gain: Matrix  # G(x, theta, c), (n-m, n_u)
-    regressor: Matrix | None  # of v' = Y(x, u, c) theta, (n-m, n_theta), where `forward`
+    regressor: Matrix | None  # of v' = Y(x, u, c) theta, (n-m, n_theta), if `forward`
     accelerations: tuple[Symbol, ...]  # a
     inverse: LinearMap | None  # u = Y_u(x, a, c) pi
-    obstacle: Obstacle | None  # why there is no forward form, where there is none
+    obstacle: Obstacle | None  # why there is no forward form
 
 
 def adaptive_form(kinematics: Kinematics, dynamics: Dynamics, parameters: Parameters) -> AdaptiveForm:

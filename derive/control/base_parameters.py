@@ -43,7 +43,8 @@ def linear_map(
     """The minimal linear parametrization of `function`, affine in `slope_symbols`.
 
     `value` gives a parameter function at the default parameters: signs are chosen so that base parameters are positive.
-    Raises: NotSeparable, where a factor of a term contains both state and uncertain parameters.
+    Raises:
+        NotSeparable: If a factor of a term contains both state and uncertain parameters.
     """
     separation = Separation(slope_symbols, parameters, terms)
     rows = [separation.products(entry) for entry in function]

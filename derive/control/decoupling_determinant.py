@@ -16,10 +16,10 @@ from .linearization import Linearization
 _LONGEST = 100  # operations; longer determinants are left as they are
 
 
-_READABLE = 25  # operations; longer denominators are told apart
+_READABLE = 25  # operations; longer denominators stand apart
 
 
-_TOLD = 3000  # operations; longer denominators are not told at all
+_LONGEST_TEXT = 3000  # operations; longer denominators are left out
 
 
 DENOMINATOR = Symbol("Delta")
@@ -57,10 +57,10 @@ class Determinant:
         return int(sp.count_ops(sp.fraction(self.whole)[1])) > _LONGEST
 
     @property
-    def told_denominator(self) -> str | None:
+    def denominator_text(self) -> str | None:
         """The denominator as text, for those who compute with it."""
         denominator = self.denominator
-        return None if denominator is None or sp.count_ops(denominator) > _TOLD else str(denominator)
+        return None if denominator is None or sp.count_ops(denominator) > _LONGEST_TEXT else str(denominator)
 
     @property
     def singular_where(self) -> list[str]:

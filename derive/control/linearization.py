@@ -24,7 +24,8 @@ class Linearization:
 def linearize(kinematics: Kinematics) -> Linearization:
     """The input-output map of a robot, for relative degree 2 in every output.
 
-    Raises: InputError, where the number of outputs is wrong, they depend on each other, or E is singular everywhere.
+    Raises:
+        InputError: If the number of outputs is wrong, they depend on each other, or E is singular everywhere.
     """
     robot, terms, v = kinematics.robot, kinematics.terms, kinematics.v
     _check_number(kinematics)

@@ -9,7 +9,8 @@ from .reader import Reader
 def parents_first(frames: list[toml.Frame], reader: Reader) -> list[toml.Frame]:
     """The frames in an order in which every parent stands before its children.
 
-    Raises: InputError, where there is not one root, a parent is unknown, or frames form a loop.
+    Raises:
+        InputError: If there is not one root, a parent is unknown, or frames form a loop.
     """
     roots = [frame for frame in frames if frame.parent is None]
     if len(roots) != 1:

@@ -4,27 +4,32 @@ from . import tables as toml
 from .reader import Reader
 
 
-def check_names(told: toml.RobotDescription, reader: Reader) -> None:
-    """Names of quantities are distinct from each other, and so are names of frames and wheels.
+def check_names(description: toml.RobotDescription, reader: Reader) -> None:
+    """Fail if two quantities, or two frames or wheels, have the same name.
 
-    Raises: InputError.
+    Raises:
+        InputError: If a name is taken, or is that of a rate.
     """
     _check_distinct(
         {
-            "coordinates": list(told.coordinates),
-            "parameters": list(told.parameters),
-            "pseudo_velocities": list(told.pseudo_velocities or {}),
-            "motors": [motor.input for motor in told.motors],
+            "coordinates": list(description.coordinates),
+            "parameters": list(description.parameters),
+            "pseudo_velocities": list(description.pseudo_velocities or {}),
+            "motors": [motor.input for motor in description.motors],
         },
         reader,
     )
     for table in ("parameters", "pseudo_velocities"):
-        for name in getattr(told, table) or {}:
-            if name.removesuffix("_dot") in told.coordinates and name.endswith("_dot"):
+        for name in getattr(description, table) or {}:
+            if name.removesuffix("_dot") in description.coordinates and name.endswith("_dot"):
                 problem = f"is the rate of the coordinate {name.removesuffix('_dot')!r}"
                 raise reader.mistake(f"[{table}] {name}", problem, "choose another name")
     _check_distinct(
-        {"frames": [frame.name for frame in told.frames], "wheels": [wheel.name for wheel in told.wheels]}, reader
+        {
+            "frames": [frame.name for frame in description.frames],
+            "wheels": [wheel.name for wheel in description.wheels],
+        },
+        reader,
     )
 
 

@@ -29,7 +29,7 @@ class Plausibility:
         self.units = Units(declared)
 
     def has_unit(self, expression: Expr, unit: str, place: str) -> None:
-        """Raises InputError, where the expression has another unit; numbers have any."""
+        """Fail with InputError if the expression has another unit; numbers have any."""
         try:
             found = self.units.of(expression)
         except MixedUnits as error:
@@ -41,7 +41,7 @@ class Plausibility:
             raise self.reader.mistake(place, problem, f"this place takes {unit}")
 
     def has_one_unit(self, expression: Expr, place: str) -> None:
-        """Raises InputError, where a sum adds different units."""
+        """Fail with InputError if a sum adds different units."""
         try:
             self.units.of(expression)
         except MixedUnits as error:
@@ -50,14 +50,14 @@ class Plausibility:
             return
 
     def is_positive(self, expression: Expr, place: str) -> None:
-        """Raises InputError, where the value at the default parameters is zero or negative."""
+        """Fail with InputError if the value at the default parameters is zero or negative."""
         value = self.value(expression, place)
         if value <= 0:
             problem = f"is {value:g} with the default parameters"
             raise self.reader.mistake(place, problem, "it must be positive")
 
     def is_not_negative(self, expression: Expr, place: str) -> None:
-        """Raises InputError, where the value at the default parameters is negative."""
+        """Fail with InputError if the value at the default parameters is negative."""
         value = self.value(expression, place)
         if value < 0:
             problem = f"is {value:g} with the default parameters"
@@ -66,7 +66,8 @@ class Plausibility:
     def value(self, expression: Expr, place: str) -> float:
         """The value at the default parameters.
 
-        Raises: InputError, where it is not a finite real number.
+        Raises:
+            InputError: If it is not a finite real number.
         """
         value = sp.sympify(expression.xreplace(dict(self.defaults))).evalf(20)
         if not (value.is_Float or value.is_Rational) or not value.is_finite:

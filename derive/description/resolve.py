@@ -19,77 +19,88 @@ from .robot import Body, Frame, Motor, Point2, Robot, Wheel
 def read_robot(path: Path) -> Robot:
     """The robot described in the TOML file at `path`.
 
-    Raises: InputError, naming file, table, key and remedy.
+    Raises:
+        InputError: If it is wrong; file, table, key and remedy are named.
     """
     return resolve(toml.read_description(path), Reader(str(path)))
 
 
-def resolve(told: toml.RobotDescription, reader: Reader) -> Robot:
-    """`told` with its names and expressions resolved.
+def resolve(description: toml.RobotDescription, reader: Reader) -> Robot:
+    """`description` with its names and expressions resolved.
 
-    Raises: InputError.
+    Raises:
+        InputError: If a name, a unit or a value is wrong.
     """
-    check_names(told, reader)
-    return _Resolver(told, reader).robot()
+    check_names(description, reader)
+    return _Resolver(description, reader).robot()
 
 
 class _Resolver:
     """Reads one description, table by table."""
 
-    def __init__(self, told: toml.RobotDescription, reader: Reader) -> None:
-        self.told, self.reader = told, reader
-        self.q = {name: symbol(name) for name in told.coordinates}
-        self.p = {name: symbol(name) for name in told.parameters}
-        self.rates = {f"{name}_dot": symbol(f"{name}_dot") for name in told.coordinates}
-        defaults = {self.p[name]: rational(parameter.value) for name, parameter in told.parameters.items()}
+    def __init__(self, description: toml.RobotDescription, reader: Reader) -> None:
+        self.description, self.reader = description, reader
+        self.q = {name: symbol(name) for name in description.coordinates}
+        self.p = {name: symbol(name) for name in description.parameters}
+        self.rates = {f"{name}_dot": symbol(f"{name}_dot") for name in description.coordinates}
+        defaults = {self.p[name]: rational(parameter.value) for name, parameter in description.parameters.items()}
         self.plausible = Plausibility(
             reader,
             {
-                "coordinates": {self.q[name]: unit for name, unit in told.coordinates.items()},
-                "parameters": {self.p[name]: parameter.unit for name, parameter in told.parameters.items()},
+                "coordinates": {self.q[name]: unit for name, unit in description.coordinates.items()},
+                "parameters": {self.p[name]: parameter.unit for name, parameter in description.parameters.items()},
             },
             defaults,
         )
-        self.frame_names = [frame.name for frame in told.frames]
-        self.joints = [frame.name for frame in told.frames if frame.parent is not None]
+        self.frame_names = [frame.name for frame in description.frames]
+        self.joints = [frame.name for frame in description.frames if frame.parent is not None]
 
     def robot(self) -> Robot:
-        told, parameters = self.told, self.told.parameters
-        frames = tuple(self.frame(frame) for frame in parents_first(told.frames, self.reader))
+        description, parameters = self.description, self.description.parameters
+        frames = tuple(self.frame(frame) for frame in parents_first(description.frames, self.reader))
         return Robot(
-            name=told.name,
-            title=told.title,
-            source=told.source,
-            units=dict(told.coordinates) | {name: parameter.unit for name, parameter in parameters.items()},
+            name=description.name,
+            title=description.title,
+            source=description.source,
+            units=dict(description.coordinates) | {name: parameter.unit for name, parameter in parameters.items()},
             coordinates=tuple(self.q.values()),
             parameters=tuple(self.p.values()),
             defaults=dict(self.plausible.defaults),
             about={name: parameter.about for name, parameter in parameters.items()},
-            known=frozenset(self.known(name) for name in told.known),
+            known=frozenset(self.known(name) for name in description.known),
             frames=frames,
-            bodies=tuple(self.body(body, f"[[bodies]] number {k}") for k, body in enumerate(told.bodies, 1)),
-            wheels=tuple(self.wheel(wheel, f"[[wheels]] {wheel.name!r}") for wheel in told.wheels),
-            motors=tuple(self.motor(motor, f"[[motors]] {motor.input!r}") for motor in told.motors),
+            bodies=tuple(self.body(body, f"[[bodies]] number {k}") for k, body in enumerate(description.bodies, 1)),
+            wheels=tuple(self.wheel(wheel, f"[[wheels]] {wheel.name!r}") for wheel in description.wheels),
+            motors=tuple(self.motor(motor, f"[[motors]] {motor.input!r}") for motor in description.motors),
             constraints=tuple(
                 self.of_rates(row.expression, f"[[constraints]] number {k} expression")
-                for k, row in enumerate(told.constraints, 1)
+                for k, row in enumerate(description.constraints, 1)
             ),
             pseudo_velocities=None
-            if told.pseudo_velocities is None
+            if description.pseudo_velocities is None
             else {
-                symbol(v): self.of_rates(text, f"[pseudo_velocities] {v}") for v, text in told.pseudo_velocities.items()
+                symbol(v): self.of_rates(text, f"[pseudo_velocities] {v}")
+                for v, text in description.pseudo_velocities.items()
             },
             outputs=self.outputs(),
             reader=self.reader,
         )
 
+    def pseudo_velocities(self) -> dict[Symbol, dict[Symbol, Expr]] | None:
+        texts = self.description.pseudo_velocities
+        if texts is None:
+            return None
+        return {symbol(name): self.of_rates(text, f"[pseudo_velocities] {name}") for name, text in texts.items()}
+
     def outputs(self) -> dict[str, Expr]:
-        if not self.told.controller:
+        if not self.description.controller:
             return {}
-        if not self.told.outputs:
+        if not self.description.outputs:
             remedy = "add outputs, or controller = false at the top for a model without a controller"
             raise self.reader.mistake("[outputs]", "missing", remedy)
-        outputs = {name: self.of_coordinates(text, f"[outputs] {name}") for name, text in self.told.outputs.items()}
+        outputs = {
+            name: self.of_coordinates(text, f"[outputs] {name}") for name, text in self.description.outputs.items()
+        }
         for name, output in outputs.items():
             self.plausible.has_one_unit(output, f"[outputs] {name}")
         return outputs
@@ -137,7 +148,7 @@ class _Resolver:
         )
 
     def motor(self, motor: toml.Motor, place: str) -> Motor:
-        drivable = [wheel.name for wheel in self.told.wheels] + self.joints
+        drivable = [wheel.name for wheel in self.description.wheels] + self.joints
         if motor.drives not in drivable:
             problem = f"unknown wheel or jointed frame {motor.drives!r}"
             raise self.reader.mistake(f"{place} drives", problem, closest(motor.drives, drivable))

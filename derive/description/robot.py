@@ -37,8 +37,13 @@ class Wheel(Body):
     name: str
     radius: Expr
     heading: Expr
-    roller_angle: Expr | None
+    roller_angle: Expr | None  # from the heading to the rollers' axles; None for a conventional wheel [rad]
     spin_inertia: Expr
+
+    @property
+    def is_conventional(self) -> bool:
+        """Whether it has no rollers and so does not slip sideways."""
+        return self.roller_angle is None
 
 
 @dataclass(frozen=True)
@@ -69,7 +74,7 @@ class Robot:
     motors: tuple[Motor, ...]
     constraints: tuple[dict[Symbol, Expr], ...]  # coefficients of the rates
     pseudo_velocities: dict[Symbol, dict[Symbol, Expr]] | None
-    outputs: dict[str, Expr]  # empty where the model alone is wanted
+    outputs: dict[str, Expr]  # empty if the model alone is wanted
     reader: Reader
 
     def rate(self, coordinate: Symbol) -> Symbol:

@@ -160,6 +160,7 @@ class RobotDescription(_Table):
 def read_description(path: Path) -> RobotDescription:
     """The description in the TOML file at `path`.
 
-    Raises: InputError, a line for every table, key or shape that is wrong.
+    Raises:
+        InputError: If a table, a key or a shape is wrong, in one line each.
     """
     return read_toml(path, RobotDescription)

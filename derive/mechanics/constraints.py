@@ -27,13 +27,14 @@ class Constraints:
 def constraint_rows(robot: Robot) -> Constraints:
     """The constraints on the motion of `robot`.
 
-    Raises: InputError, where they leave no motion.
+    Raises:
+        InputError: If they leave no motion.
     """
     velocities = plane_velocities(robot)
     rows = {
         slip_origin(wheel.name): side_slip(wheel, velocities[wheel.frame])
         for wheel in robot.wheels
-        if wheel.roller_angle is None
+        if wheel.is_conventional
     }
     rows |= {constraint_origin(number): Form(row) for number, row in enumerate(robot.constraints)}
     rates = [robot.rate(q) for q in robot.coordinates]
@@ -59,7 +60,7 @@ def constraint_origin(index: int) -> str:
 
 
 def stacked(forms: list[Form], symbols: list[sp.Symbol]) -> Matrix:
-    """The forms as rows of a matrix, also where there is none."""
+    """The forms as rows of a matrix, (forms, symbols); without forms it has no row."""
     return Matrix(len(forms), len(symbols), lambda i, j: forms[i].get(symbols[j], sp.S.Zero))
 
 

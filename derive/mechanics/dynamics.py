@@ -39,7 +39,8 @@ class Dynamics:
 def derive_dynamics(kinematics: Kinematics) -> Dynamics:
     """The dynamics of a robot with known kinematics.
 
-    Raises: InputError, where a motion has no inertia.
+    Raises:
+        InputError: If a motion has no inertia.
     """
     robot, terms, v = kinematics.robot, kinematics.terms, Matrix(kinematics.v)
     inertia = sp.zeros(len(v), len(v))

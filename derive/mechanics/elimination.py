@@ -143,9 +143,10 @@ class Elimination:
                 self.independent.append(equation.origin)
 
     def finish(self) -> None:
-        """Checks that every rate is solved.
+        """Fail unless every rate is solved.
 
-        Raises: NotSolvable.
+        Raises:
+            NotSolvable: If a rate or an equation is left.
         """
         if self.unsolved or self.waiting:
             raise NotSolvable(self.waiting[0] if self.waiting else None)

@@ -1,21 +1,19 @@
-"""Motion under the constraints: S (3), X (10) and every frame's velocity, per pseudo-velocity."""
+"""Motion under the constraints: A (2), S (3), X (10) and every frame's velocity, per pseudo-velocity."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
-from ..algebra.named_terms import Terms, sorted_symbols
-from ..algebra.trigonometry import shortest
-from ..description.reader import symbol
-from ..description.robot import Frame, Point2, Robot, Wheel
-from .constraints import Constraints, constraint_origin, slip_origin, stacked
-from .elimination import Elimination, Equation
-from .velocities import ORIGIN, Form, Velocity, child_velocity, rate_of, rolling_rate, side_slip
+from ..algebra.named_terms import Terms
+from ..description.robot import Robot
+from .constraints import Constraints, constraint_origin, stacked
+from .elimination import Equation
+from .tree_motion import TreeMotion
+from .velocities import Form, Velocity, rate_of, rolling_rate
 
 
 @dataclass(frozen=True)
@@ -50,7 +48,7 @@ class Kinematics:
 
     @property
     def singularities(self) -> tuple[Expr, ...]:
-        """Factors of what was divided by: where one of them vanishes, S is not defined."""
+        """Factors of what was divided by: S is not defined if one of them vanishes."""
         factors = [base for e in self.divisors for base, _ in (f.as_base_exp() for f in sp.Mul.make_args(e))]
         return tuple(dict.fromkeys(f for f in factors if not self.terms.atoms(f).isdisjoint(self.q)))
 
@@ -64,7 +62,8 @@ class Kinematics:
 def solve_kinematics(robot: Robot, pseudo_velocities: Mapping[Symbol, Form], constraints: Constraints) -> Kinematics:
     """The kinematics of `robot` in the given pseudo-velocities.
 
-    Raises: NotSolvable, where they do not describe the motion that the constraints leave.
+    Raises:
+        NotSolvable: If they do not describe the motion that the constraints leave.
     """
     declared = [s.name for s in (*robot.coordinates, *robot.parameters, *pseudo_velocities)]
     terms = Terms(reserved=[*declared, *(motor.input for motor in robot.motors)])
@@ -102,96 +101,3 @@ def solve_kinematics(robot: Robot, pseudo_velocities: Mapping[Symbol, Form], con
         dropped=tree.elimination.dependent,
         divisors=tree.elimination.divisors,
     )
-
-
-class TreeMotion:
-    """Velocities of a robot's frames, and the rates of its coordinates, in its pseudo-velocities.
-
-    The unknowns are the speeds of the root in its own axes and the turning rates of the frames: in them no velocity
-    depends on the root's heading, and a trailer's no-slip condition gives its turning rate at once.
-    """
-
-    def __init__(self, robot: Robot, terms: Terms, given: frozenset[Symbol]) -> None:
-        self.robot = robot
-        coordinates = set(robot.coordinates)
-        self.elimination = Elimination(terms, given, lambda e: terms.atoms(e).isdisjoint(coordinates))
-        self.rates = {q: Form({robot.rate(q): sp.S.One}) for q in robot.coordinates}
-        self.unmet = list(robot.coordinates)  # coordinates whose rates no frame's velocity contained so far
-        self.velocities: dict[str, Velocity] = {}
-
-    def grow(self, frame: Frame) -> None:
-        """Adds a frame with its wheels, and solves what can be solved."""
-        velocity = self._root_velocity(frame) if frame.parent is None else self._child_velocity(frame)
-        rolling = [w for w in self.robot.wheels if w.frame == frame.name and w.roller_angle is None]
-        if rolling:  # told at the axle, lateral speed will be zero
-            velocity = velocity.moved(_foot_on_axle(rolling[0]))
-        self.elimination.add(
-            Equation(side_slip(wheel, velocity), slip_origin(wheel.name), is_constraint=True) for wheel in rolling
-        )
-        self.velocities[frame.name] = velocity
-        self._reduce()
-
-    def finish(self) -> None:
-        """Solves what no frame's velocity contains, and checks that nothing is left.
-
-        Raises: NotSolvable.
-        """
-        self._introduce(self.unmet)
-        self._reduce()
-        self.elimination.finish()
-
-    def _introduce(self, coordinates: list[Symbol]) -> None:
-        self.elimination.introduce(self.robot.rate(q) for q in coordinates)
-        self.unmet = [q for q in self.unmet if q not in coordinates]
-
-    def _define(self, coordinate: Symbol, form: Form) -> None:
-        self.elimination.define(self.robot.rate(coordinate), form)
-        self.unmet.remove(coordinate)
-
-    def _unknown(self, frame: Frame, part: str) -> Form:
-        rate = symbol(f"{frame.name} {part}")  # a name that no description can hold
-        self.elimination.introduce([rate])
-        return Form({rate: sp.S.One})
-
-    def _reduce(self) -> None:
-        self.elimination.reduce()
-        for name, velocity in self.velocities.items():
-            self.velocities[name] = velocity.map(partial(self._named, name))
-
-    def _named(self, frame: str, part: str, form: Form) -> Form:
-        return self.elimination.named(f"{frame}_{part}", form)
-
-    def _root_velocity(self, frame: Frame) -> Velocity:
-        cosine, sine = sp.cos(frame.angle), sp.sin(frame.angle)
-        x, y = frame.at
-        turning = self._turning(frame, Form())
-        if x in self.unmet and y in self.unmet and x != y and frame.angle.free_symbols.isdisjoint({x, y}):
-            forward, lateral = self._unknown(frame, "forward"), self._unknown(frame, "lateral")
-            self._define(x, cosine * forward - sine * lateral)
-            self._define(y, sine * forward + cosine * lateral)
-            return Velocity(forward, lateral, turning, ORIGIN)
-        self._introduce([q for q in self.unmet if q in (x.free_symbols | y.free_symbols)])
-        x_rate, y_rate = rate_of(x, self.rates), rate_of(y, self.rates)
-        return Velocity(cosine * x_rate + sine * y_rate, cosine * y_rate - sine * x_rate, turning, ORIGIN)
-
-    def _child_velocity(self, frame: Frame) -> Velocity:
-        parent = self.velocities[str(frame.parent)]
-        return child_velocity(parent, frame, self._turning(frame, parent.turning))
-
-    def _turning(self, frame: Frame, parent_turning: Form) -> Form:
-        """The frame's turning rate: an unknown of its own where its angle is a coordinate of its own."""
-        coordinates = sorted_symbols(frame.angle.free_symbols & set(self.unmet))
-        slopes = [sp.diff(frame.angle, q) for q in coordinates]
-        if len(coordinates) == 1 and slopes[0] in (1, -1) and len(rate_of(frame.angle, self.rates)) == 1:
-            turning = self._unknown(frame, "turning")
-            self._define(coordinates[0], slopes[0] * (turning - parent_turning))
-            return turning
-        self._introduce(coordinates)
-        return parent_turning + rate_of(frame.angle, self.rates)
-
-
-def _foot_on_axle(wheel: Wheel) -> Point2:
-    """The point of the wheel's axle line that is nearest to the frame's origin."""
-    direction = (sp.cos(wheel.heading), sp.sin(wheel.heading))
-    ahead = wheel.at[0] * direction[0] + wheel.at[1] * direction[1]
-    return shortest(ahead * direction[0]), shortest(ahead * direction[1])

@@ -51,7 +51,7 @@ def geometry(robot: Robot) -> dict[str, dict[str, dict[str, str]]]:
     wheels = {
         wheel.name: _texts(poses[wheel.frame].child(wheel.at, wheel.heading))
         | {"frame": wheel.frame, "radius": str(wheel.radius)}
-        | ({} if wheel.roller_angle is None else {"roller_angle": str(wheel.roller_angle)})
+        | ({} if wheel.is_conventional else {"roller_angle": str(wheel.roller_angle)})
         for wheel in robot.wheels
     }
     bodies = {

@@ -32,7 +32,8 @@ PseudoVelocities = dict[Symbol, Form]
 def choose_kinematics(robot: Robot, constraints: Constraints) -> Kinematics:
     """The kinematics in the pseudo-velocities that the description names, or else in the first smooth choice.
 
-    Raises: InputError, where the named ones do not describe the motion.
+    Raises:
+        InputError: If the named ones do not describe the motion.
     """
     wanted = len(robot.coordinates) - constraints.rank
     if robot.pseudo_velocities is not None:

@@ -83,7 +83,7 @@ class Velocity:
         return sp.cos(angle) * forward + sp.sin(angle) * lateral
 
     def moved(self, point: Point2) -> Velocity:
-        """The same motion, told at another point of the frame."""
+        """The same motion, stated at another point of the frame."""
         return Velocity(*self.at(point), self.turning, point)
 
 

@@ -89,8 +89,8 @@ def test_internal_dynamics_move_as_their_linearization_says() -> None:
         return (kinematic @ np.linalg.solve(model.output_jacobian(q, c) @ kinematic, [1.0, 0.0]))[free]
 
     jacobian = np.array([(rate(1e-6 * e) - rate(-1e-6 * e)) / 2e-6 for e in np.eye(len(free))]).T
-    told = sorted(model.findings["straight_line"]["eigenvalues_at_defaults"])
-    np.testing.assert_allclose(np.sort(np.linalg.eigvals(jacobian).real), told, rtol=1e-6)
+    stated = sorted(model.findings["straight_line"]["eigenvalues_at_defaults"])
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(jacobian).real), stated, rtol=1e-6)
 
 
 AXLE = 'y1 = "x"\ny2 = "y"\n'

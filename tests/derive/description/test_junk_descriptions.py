@@ -1,6 +1,5 @@
-"""Whatever a description holds, it ends in a robot or in mistakes told in one line each, never in a traceback."""
+"""Whatever a description holds, it ends in a robot or in mistakes of one line each, never in a traceback."""
 
-import inspect
 import json
 import signal
 import tempfile
@@ -29,7 +28,7 @@ PATIENCE = 60  # seconds that one description may take
 Place = tuple[str | int, ...]  # of a value in nested tables and lists
 
 
-def told_well(content: bytes, derive: Callable[[Path], Any] = derive_robot) -> Any:
+def reported_well(content: bytes, derive: Callable[[Path], Any] = derive_robot) -> Any:
     """What a file of this content gives, or an InputError with one line a mistake; nothing is written, it ends soon."""
     with tempfile.TemporaryDirectory() as folder, in_time():
         path = Path(folder) / "robot.toml"
@@ -120,7 +119,7 @@ def as_file(tables: dict[str, Any]) -> bytes:
 
 
 def places(value: Any, here: Place = ()) -> list[Place]:
-    """Where there is something inside nested tables and lists."""
+    """The places inside nested tables and lists that hold something."""
     items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [place for key, one in items for place in [(*here, key), *places(one, (*here, key))]]
 
@@ -391,38 +390,38 @@ def reshaped(draw: st.DrawFn) -> bytes:
 
 @short(50)
 @given(st.binary(max_size=200) | LINES_OF_JUNK)
-def test_junk_lines_are_told(content: bytes) -> None:
-    told_well(content)
+def test_junk_lines_are_reported(content: bytes) -> None:
+    reported_well(content)
 
 
 @short(75)
 @given(JUNK_TABLES.map(as_file))
-def test_junk_tables_are_told(content: bytes) -> None:
-    told_well(content)
+def test_junk_tables_are_reported(content: bytes) -> None:
+    reported_well(content)
 
 
 @short(40)
 @given(mixed_lines())
-def test_mixed_lines_are_told(content: bytes) -> None:
-    told_well(content)
+def test_mixed_lines_are_reported(content: bytes) -> None:
+    reported_well(content)
 
 
 @short(60)
 @given(mutated())
-def test_mutations_are_told(content: bytes) -> None:
-    told_well(content)
+def test_mutations_are_reported(content: bytes) -> None:
+    reported_well(content)
 
 
 @short(50)
 @given(with_expressions())
-def test_junk_expressions_are_told(content: bytes) -> None:
-    told_well(content)
+def test_junk_expressions_are_reported(content: bytes) -> None:
+    reported_well(content)
 
 
 @short(30)
 @given(reshaped())
-def test_reshaped_robots_are_told(content: bytes) -> None:
-    told_well(content)
+def test_reshaped_robots_are_reported(content: bytes) -> None:
+    reported_well(content)
 
 
 # What longer searches found: a robot, and what is written in some of its places.
@@ -456,12 +455,12 @@ FOUND: dict[str, tuple[str, dict[Place, Any]]] = {
 
 
 @pytest.mark.parametrize("found", FOUND)
-def test_what_was_found_is_told_or_becomes_code_that_runs(found: str, tmp_path: Path) -> None:
+def test_what_was_found_is_reported_or_becomes_code_that_runs(found: str, tmp_path: Path) -> None:
     name, changes = FOUND[found]
     tables = deepcopy(TABLES[name])
     for (*inside, key), value in changes.items():
         at(tables, tuple(inside))[key] = value
-    files = told_well(as_file(tables), generate_one)
+    files = reported_well(as_file(tables), generate_one)
     if files is not None:
         write(files, tmp_path / name)
         has_finite_terms(tmp_path / name)
@@ -474,5 +473,6 @@ def has_finite_terms(folder: Path) -> None:
     with np.errstate(all="ignore"):
         for name in model.metadata["functions"]:
             term = getattr(model, name)
-            values = np.asarray(term(*(situation.arguments[one] for one in inspect.signature(term).parameters)))
+            arguments = model.metadata["functions"][name]["arguments"]
+            values = np.asarray(term(*(situation.arguments[one] for one in arguments)))
             assert np.isfinite(values.reshape(len(situation.x), -1)).all(axis=1).any(), f"{name} is not finite"

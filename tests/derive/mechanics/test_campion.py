@@ -53,12 +53,12 @@ def sigma_1_2(theta: float, beta1: float, beta2: float, L: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Type:
-    """One of the five types: the published matrix, and its angles told in ours."""
+    """One of the five types: the published matrix, and its angles in ours."""
 
     robot: str
     steered: tuple[str, ...]  # our steering angles, which differ from theirs by constants
     published: Published
-    told: Callable[[Place], tuple[float, ...]]  # theta, their steering angles, and L
+    angles: Callable[[Place], tuple[float, ...]]  # theta, their steering angles, and L
 
 
 # Their wheel stands at the distance l and the angle alpha from the platform's axis X, and beta is the angle from there
@@ -138,7 +138,7 @@ def configurations_of(kind: Type, turned: float = 0.0) -> list[Configuration]:
     found = []
     for place in random_places(model):
         S = model.kinematic_matrix([place[name] for name in names], [place[name] for name in model.parameter_units])
-        theta, *rest = kind.told(place)
+        theta, *rest = kind.angles(place)
         found.append(Configuration(S[rows], with_steering(kind.published(theta + turned, *rest), len(kind.steered))))
     return found
 

@@ -134,7 +134,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_told_in_one_line_with_its_place(mistake: str, tmp_path: Path) -> None:
+def test_a_mistake_is_reported_in_one_line_with_its_place(mistake: str, tmp_path: Path) -> None:
     old, new, words = MISTAKES[mistake]
     assert GOOD.count(old) >= 1, "the test itself must change something"
     path = tmp_path / "robot.toml"

@@ -1,4 +1,4 @@
-"""Run time's part of the exception family; all derive from `WmrError`."""
+"""The runtime's errors, which all derive from `WmrError`, and its warning."""
 
 from collections.abc import Iterable
 
@@ -21,7 +21,7 @@ class ShapeError(WmrError, ValueError):
 
 
 class UnknownNameError(WmrError, LookupError):
-    """A name is not one of those that there are; the text lists them."""
+    """A name is unknown; the text lists the known ones."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
         names = list(known)
@@ -36,7 +36,7 @@ class MissingTermError(WmrError, AttributeError):
 
 
 class SimulationError(WmrError):
-    """A closed loop ended before its time; the text says when and why."""
+    """A closed loop cannot be run, or it failed; the text says why, and when."""
 
 
 class CompilerError(WmrError):
@@ -44,4 +44,4 @@ class CompilerError(WmrError):
 
 
 class BackendWarning(UserWarning):
-    """A closed loop runs in another way than it should; the text says why. Its numbers are the same."""
+    """Work goes on in another way than asked for; the text says why. The numbers are the same."""

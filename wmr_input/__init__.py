@@ -1,7 +1,6 @@
-"""What people write, read safely: TOML files and arithmetic expressions, with errors that name the remedy.
+"""Safe reading of what people write: TOML files and arithmetic expressions, with errors that name the remedy.
 
-Both sides of the house stand on this package and it knows neither: `derive` turns expressions into SymPy,
-`wmr_afl` into CasADi. It holds the one exception family of the project.
+`derive` and `wmr_afl` both import this package; it imports neither. It holds the project's one family of exceptions.
 """
 
 from wmr_input.errors import InputError, WmrError, closest, nearest

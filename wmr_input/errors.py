@@ -10,9 +10,9 @@ from typing import Any
 
 
 class WmrError(Exception):
-    """Base of every error this project raises on purpose: what is wrong, and what would be right.
+    """Base class of every error that this project raises on purpose: the problem and the remedy.
 
-    The two are kept apart, so that whoever knows more, such as the place in a file, adds it without reading text.
+    The two are kept apart, so that a caller can add what it knows, such as the place in a file, without parsing text.
     """
 
     def __init__(self, problem: str, remedy: str = "") -> None:
@@ -23,7 +23,7 @@ class WmrError(Exception):
         return f"{self.problem}; {self.remedy}" if self.remedy else self.problem
 
     def __reduce__(self) -> tuple[Callable[..., WmrError], tuple[Any, ...]]:
-        """Errors travel between processes whatever their constructors take."""
+        """Errors of any constructor can be pickled: workers send them to the process that waits for them."""
         return _restored, (type(self), self.__dict__)
 
 
@@ -45,7 +45,7 @@ class InputError(WmrError):
 
 
 class InputErrors(InputError):
-    """Several mistakes in one file, a line each."""
+    """Several mistakes in one file, one line each."""
 
     def __init__(self, mistakes: Sequence[InputError]) -> None:
         first = mistakes[0]
@@ -57,14 +57,15 @@ class InputErrors(InputError):
 
 
 class FieldError(WmrError, ValueError):
-    """A value that does not fit its place in a table; raised where tables are validated, which know their place."""
+    """A value that does not fit its key in a table; raised during validation, which adds the place in the file."""
 
 
 @contextmanager
 def mistakes_at(file: str | Path, place: str) -> Iterator[None]:
-    """Errors inside are mistakes at `place` of `file`.
+    """Turn errors that are raised inside into mistakes at `place` of `file`.
 
-    Raises: InputError.
+    Raises:
+        InputError: if a WmrError is raised inside.
     """
     try:
         yield
@@ -75,14 +76,14 @@ def mistakes_at(file: str | Path, place: str) -> Iterator[None]:
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The known word that an unknown one was probably meant to be."""
+    """The known word that an unknown one was probably meant to be; None if none is close."""
     names = list(known)
     near = [name for name in names if name.lower() == word.lower()] or difflib.get_close_matches(word, names, n=1)
     return near[0] if near else None
 
 
 def closest(word: str, known: Iterable[str]) -> str:
-    """A remedy for an unknown word: the nearest known one, otherwise the list of what there is."""
+    """A remedy for an unknown word: the nearest known one, else the list of all known ones."""
     names = list(known)
     near = nearest(word, names)
     if near is not None:

@@ -1,7 +1,6 @@
-"""Safe arithmetic: text -> Python's syntax tree -> a whitelist walked into any algebra. Nothing is evaluated.
+"""Safe arithmetic: text -> Python's syntax tree -> a value in any algebra, by a whitelist of nodes.
 
-`sympy.sympify`, `sympy.parse_expr` and `eval` run whatever the text says; here a node that is not plain
-arithmetic over declared names is refused before anything is built.
+`eval`, `sympy.sympify` and `sympy.parse_expr` would run whatever the text says; here nothing of it is run.
 """
 
 import ast
@@ -14,29 +13,14 @@ from typing import Any
 
 from wmr_input.errors import WmrError, closest
 
-LONGEST_FORMULA = 1_000_000  # characters of a formula in model.json
-LONGEST_TEXT = 2000  # characters; deeper or longer input is a mistake or an attack, never a robot
-HIGHEST_POWER = 16  # product of nested exponents, so that 9**9**9 costs nothing
-DEEPEST_FUNCTION = 3  # functions of functions of functions; derivatives of more explode
-DEEPEST_PARENTHESIS = 40
-LONGEST_NUMBER = 40  # characters of one literal
+LONGEST_FORMULA = 1_000_000  # characters of a formula in model.json, which the derivation generates
+LONGEST_TEXT = 2000  # characters; a longer text is a mistake or an attack, never a robot
+HIGHEST_POWER = 16  # product of nested exponents; without it 9**9**9 would fill the memory
+DEEPEST_FUNCTION = 3  # levels of functions in functions; derivatives of deeper ones explode
+DEEPEST_PARENTHESIS = 40  # levels, far below Python's recursion limit
+LONGEST_NUMBER = 40  # characters of one literal; a double needs 24
 HIGHEST_EXPONENT = 30  # decimal exponent of one literal; products of a few stay within the range of a double
-
-
-class ExpressionError(WmrError):
-    """A text that is not arithmetic over the declared names."""
-
-
-@dataclass(frozen=True)
-class Algebra:
-    """What an expression is read into: values of names, functions by name, and how an exact number is made."""
-
-    names: Mapping[str, Any]
-    functions: Mapping[str, Callable[..., Any]]
-    number: Callable[[Fraction], Any]
-
-
-_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
+_BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {  # powers are checked apart
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -45,17 +29,33 @@ _BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 _UNARY: dict[type[ast.unaryop], Callable[[Any], Any]] = {ast.UAdd: operator.pos, ast.USub: operator.neg}
 
 
-def evaluate(text: str, algebra: Algebra, longest: int = LONGEST_TEXT) -> Any:
-    """The value of `text` in `algebra`; texts that this project wrote itself may be longer than a person's.
+class ExpressionError(WmrError):
+    """A text that is not arithmetic over the declared names."""
 
-    Raises: ExpressionError, where the text is not arithmetic over the algebra's names and functions.
+
+@dataclass(frozen=True)
+class Algebra:
+    """What an expression is read into: values by name, functions by name, and the constructor of an exact number."""
+
+    names: Mapping[str, Any]
+    functions: Mapping[str, Callable[..., Any]]
+    number: Callable[[Fraction], Any]
+
+
+def evaluate(text: str, algebra: Algebra, longest: int = LONGEST_TEXT) -> Any:
+    """The value of `text` in `algebra`.
+
+    `longest` [characters]: generated formulas may be longer than what a person writes.
+
+    Raises:
+        ExpressionError: if the text is not arithmetic over the algebra's names and functions.
     """
     if len(text) > longest:
         raise ExpressionError(f"expression of {len(text)} characters", f"use at most {longest}")
     if _depth(text) > DEEPEST_PARENTHESIS:
         raise ExpressionError(f"parentheses {_depth(text)} deep", f"use at most {DEEPEST_PARENTHESIS}")
     try:
-        with warnings.catch_warnings():  # of odd literals, which are refused below
+        with warnings.catch_warnings():  # Python warns of odd literals, which are refused below
             warnings.simplefilter("ignore")
             tree = ast.parse(text.strip(), mode="eval")
         return _Walk(text.strip(), algebra).value(tree.body, HIGHEST_POWER)
@@ -65,18 +65,6 @@ def evaluate(text: str, algebra: Algebra, longest: int = LONGEST_TEXT) -> Any:
         raise ExpressionError(f"{_shown(text)} is not an expression", "write arithmetic over declared names") from None
     except ZeroDivisionError:
         raise ExpressionError(f"division by zero in {_shown(text)}", "remove it") from None
-
-
-def _shown(text: str) -> str:
-    return repr(text if len(text) <= 60 else text[:57] + "...")
-
-
-def _depth(text: str) -> int:
-    deepest = depth = 0
-    for letter in text:
-        depth += (letter in "([{") - (letter in ")]}")
-        deepest = max(deepest, depth)
-    return deepest
 
 
 class _Walk:
@@ -160,6 +148,18 @@ class _Walk:
         if name in self.algebra.functions:
             return self.algebra.functions[name]
         raise ExpressionError(f"unknown function {name!r}", closest(name, self.algebra.functions))
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= 60 else text[:57] + "...")
+
+
+def _depth(text: str) -> int:
+    deepest = depth = 0
+    for letter in text:
+        depth += (letter in "([{") - (letter in ")]}")
+        deepest = max(deepest, depth)
+    return deepest
 
 
 def _decimal_exponent(literal: str) -> int:

@@ -1,4 +1,4 @@
-"""Kinds of values in an experiment's tables: numbers, numbers by name, and one line for what is neither."""
+"""Types of values in an experiment's tables: numbers, numbers by name, and the error for what is neither."""
 
 from __future__ import annotations
 
@@ -17,45 +17,31 @@ from wmr_input.errors import FieldError
 
 
 def either(what: str) -> WrapValidator:
-    """Where a value may be of several kinds, one line says which, instead of one line a kind."""
+    """A validator for a value of several types: one line says what is expected, instead of one line a type."""
 
-    def told(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
+    def validated(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
         try:
             return validate(value)
         except ValidationError:
             shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
             raise FieldError(f"{shown} does not fit", f"expected {what}") from None
 
-    return WrapValidator(told)
+    return WrapValidator(validated)
 
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
-
-
 Positive = Annotated[Number, Field(gt=0)]
-
-
 NotNegative = Annotated[Number, Field(ge=0)]
-
-
 Numbers = Annotated[Number | list[Number], either("a finite number, or a list of them")]
-
-
 ByName = Annotated[Number | dict[str, Number], either("a finite number, or a table name = number")]
-
-
 Named = Annotated[
     Number | list[Number] | dict[str, Number],
     either("a finite number, a list of them, or a table name = number"),
 ]
-
-
 Estimate = Annotated[
     Literal["exact"] | Number | list[Number] | dict[str, Number],
     either('"exact", a finite number, a list of them, or a table name = number'),
 ]
-
-
 Gain = Annotated[
     Number | list[Number] | list[list[Number]] | dict[str, Number],
     either("a finite number, a list of them, a square matrix, or a table name = number"),
@@ -63,4 +49,6 @@ Gain = Annotated[
 
 
 class Table(BaseModel):
+    """A table of a TOML file: no unknown keys, no conversion of types, no change once it is read."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)

@@ -9,16 +9,32 @@ from pydantic_core import ErrorDetails
 
 from wmr_input.errors import FieldError, InputError, InputErrors, closest, nearest
 
-LARGEST_FILE = 200_000  # bytes
-DEEPEST_TABLE = 20
-
+LARGEST_FILE = 200_000  # bytes; a file that a person writes has a few thousand
+DEEPEST_TABLE = 20  # levels of tables and lists, far below Python's recursion limit
+_EXPECTED = {  # remedies for pydantic's types of errors
+    "string_type": "text in quotes",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "float_parsing": "a number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "list_type": "a list in [ ]",
+    "tuple_type": "a list in [ ]",
+    "dict_type": "a table",
+    "model_type": "a table",
+    "model_attributes_type": "a table",
+}
 Schema = TypeVar("Schema", bound=BaseModel)
 
 
 def read_toml(path: Path, schema: type[Schema]) -> Schema:
     """The file at `path`, validated by `schema`.
 
-    Raises: InputError, with one line a mistake.
+    Raises:
+        InputError: if the file cannot be read or has mistakes; one line for each.
     """
     try:
         if path.stat().st_size > LARGEST_FILE:
@@ -38,19 +54,12 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
     return validate(data, schema, str(path))
 
 
-def _depth(data: Any) -> int:
-    """How deep tables and lists lie in each other; stops soon after it is too deep."""
-    level, depth = [data], 0
-    while level and depth <= DEEPEST_TABLE:
-        level = [inner for one in level if isinstance(one, dict) for inner in one.values()] + [
-            inner for one in level if isinstance(one, list) for inner in one
-        ]
-        depth += 1
-    return depth
-
-
 def validate(data: dict[str, Any], schema: type[Schema], file: str) -> Schema:
-    """`data` as `schema`; mistakes as InputError of `file`."""
+    """`data` as `schema`.
+
+    Raises:
+        InputError: if `data` does not fit; `file` is named in the text.
+    """
     try:
         return schema.model_validate(data)
     except ValidationError as error:
@@ -60,7 +69,7 @@ def validate(data: dict[str, Any], schema: type[Schema], file: str) -> Schema:
 
 
 def place(location: tuple[int | str, ...], data: Any) -> str:
-    """Where in the file, as its author would say it: `[[wheels]] 'right' radius` or `[parameters] r.value`."""
+    """The place in the file, as its author would write it: `[[wheels]] 'right' radius` or `[parameters] r.value`."""
     if not location:
         return ""
     table, *rest = (_key(part) for part in location)
@@ -80,26 +89,19 @@ def place(location: tuple[int | str, ...], data: Any) -> str:
     return f"{head} {'.'.join(str(part) for part in rest)}".strip()
 
 
-_EXPECTED = {
-    "string_type": "text in quotes",
-    "int_type": "a whole number",
-    "int_parsing": "a whole number",
-    "int_from_float": "a whole number",
-    "float_type": "a number",
-    "float_parsing": "a number",
-    "finite_number": "a finite number",
-    "bool_type": "true or false",
-    "bool_parsing": "true or false",
-    "list_type": "a list in [ ]",
-    "tuple_type": "a list in [ ]",
-    "dict_type": "a table",
-    "model_type": "a table",
-    "model_attributes_type": "a table",
-}
+def _depth(data: Any) -> int:
+    """How deep tables and lists are nested; stops counting once it is too deep."""
+    level, depth = [data], 0
+    while level and depth <= DEEPEST_TABLE:
+        level = [inner for one in level if isinstance(one, dict) for inner in one.values()] + [
+            inner for one in level if isinstance(one, list) for inner in one
+        ]
+        depth += 1
+    return depth
 
 
 def _explained(error: ErrorDetails, schema: type[BaseModel]) -> tuple[str, str]:
-    """Problem and remedy of one of pydantic's errors, in words that say what would be right."""
+    """Problem and remedy of one of pydantic's errors."""
     kind, context = error["type"], error.get("ctx", {})
     key = str(error["loc"][-1]) if error["loc"] else ""
     got = _short(error["input"])
@@ -125,7 +127,7 @@ def _explained(error: ErrorDetails, schema: type[BaseModel]) -> tuple[str, str]:
 
 
 def _without_misspelt(details: list[ErrorDetails], schema: type[BaseModel]) -> list[ErrorDetails]:
-    """A key that is missing because it was misspelt is told once."""
+    """The errors without missing keys that were misspelt: those are reported once, as unknown keys."""
     unknown = [one["loc"] for one in details if one["type"] == "extra_forbidden"]
     meant = {(*loc[:-1], nearest(str(loc[-1]), _keys(schema, loc[:-1]))) for loc in unknown}
     return [one for one in details if one["type"] != "missing" or one["loc"] not in meant]
@@ -140,7 +142,7 @@ def _short(value: Any) -> str:
 
 
 def _key(part: int | str) -> int | str:
-    """A key as it may stand in one line."""
+    """A key, shortened if it does not fit into one line of text."""
     if isinstance(part, int) or (part.isprintable() and len(part) <= 60):
         return part
     return _short(part)

@@ -24,13 +24,9 @@ from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.result import Run
 
 Progress = Callable[[int, int], None]  # pictures done, of how many
-
-
-MOST_PICTURES = 600  # all in memory until a .gif is written
-SIZE, DPI = (8.0, 4.7), 80  # [inch], [1/inch]; an even number of pixels, which .mp4 wants
-
-
-LONGEST_LINE = 1000  # points of a drawn path
+MOST_PICTURES = 600  # of an animation; a .gif keeps all of them in memory, 1 MB each, until it is written
+SIZE, DPI = (8.0, 4.7), 80  # [inch], [1/inch]; 640 x 376 pixels, even numbers as .mp4 needs them
+LONGEST_LINE = 1000  # points of a drawn path, more than it has pixels
 
 
 def animate(
@@ -40,9 +36,10 @@ def animate(
     speed: float = 1.0,
     progress: Progress = lambda done, total: None,
 ) -> Path:
-    """Writes a run, up to its failure where it failed, to a .gif or .mp4 file; `speed` times as fast as it was.
+    """Write a run, up to its failure if it failed, to a .gif or .mp4 file; `speed` times as fast as it was.
 
-    Raises: WmrError, where the file cannot be written, the run has less than two samples, or too many pictures.
+    Raises:
+        WmrError: if the file cannot be written, or the run has less than two samples or takes too many pictures.
     """
     file = check_file(path)
     rows = _rows(run, frames_per_second, speed)
@@ -63,9 +60,10 @@ def animate(
 
 
 def check_file(path: str | Path) -> Path:
-    """Before long work: the file must be of a kind that can be written here.
+    """Check before a long run that a file of this kind can be written here.
 
-    Raises: WmrError.
+    Raises:
+        WmrError: if it cannot.
     """
     file = Path(path)
     if file.suffix.lower() not in (".gif", ".mp4"):
@@ -75,24 +73,6 @@ def check_file(path: str | Path) -> Path:
     if file.is_dir():
         raise WmrError(f"{file}: is a folder", "name a file")
     return file
-
-
-def _rows(run: Run, frames_per_second: int, speed: float) -> NDArray[np.int_]:
-    """The sample of each picture, (pictures,)."""
-    if len(run.time) < 2:
-        why = str(run.failure or "run it for longer")
-        raise WmrError(f"a run of {len(run.time)} samples is too short for an animation, which takes two", why)
-    if not (0 < frames_per_second <= 50 and 0.0 < speed < np.inf):
-        raise WmrError(
-            f"cannot show {frames_per_second} pictures a second at speed {speed:g}", "at most 50, speed above 0"
-        )
-    span = float(run.time[-1] - run.time[0])
-    if span / speed * frames_per_second >= MOST_PICTURES:
-        least = 1.05 * span * frames_per_second / MOST_PICTURES
-        raise WmrError(f"{span / speed:g} s take more than {MOST_PICTURES} pictures", f"play at a speed of {least:.2g}")
-    count = int(span / speed * frames_per_second + 1.0 + 1e-9)
-    times = run.time[0] + np.arange(max(2, count)) * speed / frames_per_second
-    return np.clip(np.searchsorted(run.time, times - 0.5 * span / (len(run.time) - 1)), 0, len(run.time) - 1)
 
 
 class Scene:
@@ -117,7 +97,7 @@ class Scene:
         self._title = self.figure.suptitle("", x=0.01, y=0.985, ha="left", fontsize=10)
 
     def show(self, picture: int) -> None:
-        """Turns the figure to one of the pictures."""
+        """Show one of the pictures."""
         for panel in self._panels:
             panel.show(picture)
         _set_view(self._panels[1].axes, self._middles[picture], self._half)
@@ -136,7 +116,7 @@ class Scene:
         if self.tracked:
             home = np.concatenate([home, self.run.reference[:, :2]])
         middles = (points.max(axis=1) + points.min(axis=1)) / 2.0
-        room = 2.0 * _extent(home)  # a robot that runs away does not take the scene along
+        room = 2.0 * _extent(home)  # the scene does not grow with a robot that runs away
         seen = np.concatenate([home, np.clip(points.reshape(-1, 2), home.min(axis=0) - room, home.max(axis=0) + room)])
         middle, half = (seen.max(axis=0) + seen.min(axis=0)) / 2.0, 0.53 * _extent(seen)
         reach = 1.15 * float(np.max(np.abs(points - middles[:, None])))
@@ -177,7 +157,7 @@ class _Panel:
         axes.yaxis.set_label_coords(-0.14, 0.5)
 
     def show(self, picture: int) -> None:
-        """Moves everything to one of the pictures."""
+        """Move everything to one of the pictures."""
         row, point = int(self._scene.rows[picture]), self._scene.point
         self._path.set_data(*np.vstack([point[: row : self._thin], point[row]]).T)
         self._point.set_data(*point[row, :, None])
@@ -186,6 +166,24 @@ class _Panel:
         for collection, parts in self._moving:
             collection.set_verts([part[picture] for part in parts])
         self._joints.set_data(*self._scene.shapes.joints[picture].T)
+
+
+def _rows(run: Run, frames_per_second: int, speed: float) -> NDArray[np.int_]:
+    """The sample of each picture, (pictures,)."""
+    if len(run.time) < 2:
+        why = str(run.failure or "run it for longer")
+        raise WmrError(f"a run of {len(run.time)} samples is too short for an animation, which takes two", why)
+    if not (0 < frames_per_second <= 50 and 0.0 < speed < np.inf):
+        raise WmrError(
+            f"cannot show {frames_per_second} pictures a second at speed {speed:g}", "at most 50, speed above 0"
+        )
+    span = float(run.time[-1] - run.time[0])
+    if span / speed * frames_per_second >= MOST_PICTURES:
+        least = 1.05 * span * frames_per_second / MOST_PICTURES
+        raise WmrError(f"{span / speed:g} s take more than {MOST_PICTURES} pictures", f"play at a speed of {least:.2g}")
+    count = int(span / speed * frames_per_second + 1.0 + 1e-9)
+    times = run.time[0] + np.arange(max(2, count)) * speed / frames_per_second
+    return np.clip(np.searchsorted(run.time, times - 0.5 * span / (len(run.time) - 1)), 0, len(run.time) - 1)
 
 
 def _extent(points: Floats) -> float:

@@ -1,4 +1,4 @@
-"""Persistency of excitation (47) along a run: what a reference lets be known of the base parameters."""
+"""Persistency of excitation (47) along a run: which base parameters a reference determines."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from wmr_afl.errors import SimulationError
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.result import Run
 
-WEAKEST = 1e-6  # of the best determined direction; what is weaker does not count as determined
+WEAKEST = 1e-6  # of the largest eigenvalue; a direction with a smaller one counts as not determined
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,10 @@ class Excitation:
 def excitation(run: Run, scale: Floats, window: float = 20.0, since: float = 0.0) -> Excitation:
     """The excitation (47) of a run's regressor from `since` [s] on, in windows of `window` [s] that overlap by half.
 
-    `scale` (n_theta,): the sizes that base parameters are measured in, as their true values.
-    Raises: SimulationError, where the run is shorter than a window.
+    `scale` (n_theta,): the sizes in which base parameters are measured, such as their true values.
+
+    Raises:
+        SimulationError: if the run is shorter than a window.
     """
     rows = run.time >= since
     time = run.time[rows]
@@ -58,13 +60,13 @@ def excitation(run: Run, scale: Floats, window: float = 20.0, since: float = 0.0
     )
 
 
+def estimate_error(run: Run, theta: Floats) -> Floats:
+    """(theta_hat - theta) / theta over time, (T, n_theta), for the true theta (n_theta,)."""
+    return np.asarray((run.estimate - theta) / theta)
+
+
 def _determined(integral: Floats) -> Floats:
-    """The squared length of every axis' part in the space that the integral determines."""
+    """For every axis the squared length of its projection on the space that the integral determines."""
     values, vectors = np.linalg.eigh(integral)
     kept = vectors[:, values > WEAKEST * values[-1]]
     return np.asarray(np.sum(kept**2, axis=1))
-
-
-def estimate_error(run: Run, theta: Floats) -> Floats:
-    """(theta_hat - theta) / theta over time, (T, n_theta), where theta is known."""
-    return np.asarray((run.estimate - theta) / theta)

@@ -16,9 +16,10 @@ from wmr_afl.simulation.result import Run
 
 
 def check_writable(folder: Path) -> None:
-    """Before long work: results must find their folder.
+    """Check before a long run that results can be written to `folder`.
 
-    Raises: WmrError, where the folder cannot be written.
+    Raises:
+        WmrError: if it cannot be written.
     """
     there = next(path for path in (folder, *folder.absolute().parents) if os.path.lexists(path))
     if not os.path.isdir(there) or not os.access(there, os.W_OK | os.X_OK):
@@ -26,9 +27,10 @@ def check_writable(folder: Path) -> None:
 
 
 def write_results(runs: Mapping[str, Run], folder: Path) -> list[Path]:
-    """One CSV file for each run, and `metrics.json` for all.
+    """Write one CSV file for each run and `metrics.json` for all, and return their paths.
 
-    Raises: WmrError, where the folder cannot be written.
+    Raises:
+        WmrError: if the folder cannot be written.
     """
     files = []
     try:

@@ -1,4 +1,4 @@
-"""Where a robot's parts are, from the formulas in its `model.json`: poses over time, and the lines that draw them."""
+"""Poses of a robot's parts over time, from the formulas in its `model.json`, and the lines that draw them."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.formulas import numpy_value
 
-WIDTH = 0.6  # of a wheel, over its radius; a description tells no width
+WIDTH = 0.6  # of a wheel, over its radius; a drawing's choice, because a description gives no width
 
-
+# Corners of an arrow of length one along x.
 _ARROW = np.array([[0, 0.02], [0.75, 0.02], [0.75, 0.1], [1, 0], [0.75, -0.1], [0.75, -0.02], [0, -0.02]])
 
 
@@ -39,7 +39,8 @@ class Shapes:
 class Geometry:
     """Poses of frames, wheels and bodies for physical parameters p (n_p,).
 
-    Raises: InputError, where the model's geometry is damaged.
+    Raises:
+        InputError: if the model's geometry is damaged.
     """
 
     def __init__(self, model: Model, parameters: ArrayLike) -> None:
@@ -95,7 +96,7 @@ class Geometry:
         )
 
     def radius(self, wheel: str) -> float:
-        """Of a wheel [m]."""
+        """The radius of a wheel [m]."""
         return float(self._value("wheels", wheel, "radius", self._parameters))
 
     def roller_angle(self, wheel: str) -> float | None:
@@ -122,7 +123,7 @@ class Geometry:
 
 
 def _hull(points: Floats) -> list[int]:
-    """Which points are corners of the convex hull, counter-clockwise; one point where all coincide."""
+    """Which points are corners of the convex hull, counter-clockwise; one point if all coincide."""
     nearly = 1e-9 * float(np.max(np.ptp(points, axis=0), initial=0.0))
     order = sorted(range(len(points)), key=lambda k: (points[k, 0], points[k, 1]))
 

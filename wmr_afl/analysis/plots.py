@@ -1,4 +1,4 @@
-"""Plots of runs: path, outputs, errors, inputs, estimates. Each draws into axes that it is given."""
+"""Plots of runs: path, outputs, errors, inputs, estimates, each drawn into given axes."""
 
 from __future__ import annotations
 
@@ -16,19 +16,12 @@ from matplotlib.figure import Figure
 from wmr_afl.errors import WmrError
 from wmr_afl.simulation.result import Run
 
-Runs = Mapping[str, Run]
+Runs = Mapping[str, Run]  # by the name of the controller
 
-
-# Distinguishable in print and with colour vision deficiencies (Okabe and Ito's palette).
+# Okabe and Ito's palette: distinguishable in print and with colour vision deficiencies.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-
-
-STYLES = ("-", "--", "-.", ":")
-
-
-REFERENCE: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "linestyle": "-", "zorder": 1}
-
-
+STYLES = ("-", "--", "-.", ":")  # dashes distinguish runs in black and white
+REFERENCE: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "linestyle": "-", "zorder": 1}  # below the runs
 SETTINGS: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.grid": True,
@@ -57,9 +50,10 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def save(figure: Figure, stem: Path) -> list[Path]:
-    """Writes `stem`.png and `stem`.svg.
+    """Write `stem`.png and `stem`.svg, and return their paths.
 
-    Raises: WmrError, where the folder cannot be written.
+    Raises:
+        WmrError: if the folder cannot be written.
     """
     files = [stem.with_name(stem.name + ending) for ending in (".png", ".svg")]
     try:
@@ -75,7 +69,7 @@ def save(figure: Figure, stem: Path) -> list[Path]:
 
 
 def style_of(index: int) -> dict[str, Any]:
-    """Colour and dashes of the run at this place."""
+    """Colour and dashes of the run with this index."""
     return {"color": COLOURS[index % len(COLOURS)], "linestyle": STYLES[index % len(STYLES)], "zorder": 3 - 0.1 * index}
 
 
@@ -116,7 +110,7 @@ def draw_inputs(axes: Axes, run: Run) -> None:
 
 
 def draw_estimates(axes: Axes, run: Run, true_values: np.ndarray | None = None) -> None:
-    """All estimates of one run over time; dotted, where given, the true values."""
+    """All estimates of one run over time; the true values, if given, are dotted."""
     for index, name in enumerate(run.model.base_parameter_units):
         colour = COLOURS[index % len(COLOURS)]
         dashes = STYLES[(index // len(COLOURS)) % len(STYLES)]

@@ -29,7 +29,7 @@ def error_system(outer_loop: OuterLoop) -> ErrorSystem:
     """The error system of an outer loop.
 
     P B = C^T fixes P's second column to (alpha, 1); the remaining entry alpha b1 + b2 makes Q diagonal, and P and Q are
-    positive definite exactly where b1 > alpha > 0 and b2 > 0, which the outer loop requires.
+    positive definite exactly if b1 > alpha > 0 and b2 > 0, which the outer loop requires.
     """
     blocks = [_of_one_output(*gains) for gains in zip(outer_loop.b1, outer_loop.b2, outer_loop.alpha, strict=True)]
     return ErrorSystem(*(_block_diagonal([block[i] for block in blocks]) for i in range(5)))
@@ -75,9 +75,10 @@ def ultimate_bound(
 ) -> UltimateBound:
     """The bounds (65) under leakage, for |delta| <= `disturbance` [output units/s^2] and any k > sqrt(1/2).
 
-    With a Sigma whose entries differ, its largest counts where the paper's (54) writes its smallest; with equal
-    entries both are the same.
-    Raises: WmrError, where there is no leakage, or some estimate does not leak.
+    If the entries of Sigma differ, the largest one is used in the place of the smallest one in the paper's (54).
+
+    Raises:
+        WmrError: if an estimate has no leakage, or k is too small.
     """
     leaks = [part.sigma for part in adaptation.modifications if isinstance(part, Leakage)]
     leakage = leaks[0] if leaks else np.zeros(1)

@@ -1,4 +1,4 @@
-"""The verb that runs an experiment many times."""
+"""The verb `campaign`: run an experiment many times, and print what the runs amount to."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from wmr_afl.analysis import plots
 from wmr_afl.cli.progress import print_metrics
 from wmr_afl.cli.terminal import Experiment, Out, app, console, progress_bar, reporting, say
 from wmr_afl.experiments.campaigns.result import LEVELS, CampaignResult
+
+SHOWN = 5  # worst runs that are printed; summary.json lists ten
 
 
 @app.command()
@@ -70,22 +72,6 @@ def campaign(
     say(f"{', '.join(file.name for file in files)} in {folder}")
 
 
-def _replay(experiment: str, index: int, controller: str | None, backend: str, folder: Path) -> None:
-    from wmr_afl.analysis.files import write_results
-    from wmr_afl.experiments.campaigns import replay
-    from wmr_afl.experiments.experiment import file_name
-
-    run = replay(experiment, index, controller, backend)
-    files = write_results({run.controller: run}, folder)
-    for name, figure in plots.overview({run.controller: run}, f"run {index} of a campaign").items():
-        files += plots.save(figure, folder / file_name(name))
-    print_metrics(f"run {index}", {run.controller: run})
-    say(f"{len(files)} files in {folder}")
-
-
-SHOWN = 5  # worst runs in the terminal
-
-
 def tables(result: CampaignResult) -> Iterator[RenderableType]:
     """Success, quantiles and the worst runs."""
     rate, low, high = result.success_rate()
@@ -104,3 +90,16 @@ def tables(result: CampaignResult) -> Iterator[RenderableType]:
         came = f"RMS error {error:.3g}" if one["failed_at"] is None else f"failed at {one['failed_at']:g} s"
         worst.add_row(str(index), came, ", ".join(f"{name} = {value:.4g}" for name, value in one["drawn"].items()))
     yield worst
+
+
+def _replay(experiment: str, index: int, controller: str | None, backend: str, folder: Path) -> None:
+    from wmr_afl.analysis.files import write_results
+    from wmr_afl.experiments.campaigns import replay
+    from wmr_afl.experiments.experiment import file_name
+
+    run = replay(experiment, index, controller, backend)
+    files = write_results({run.controller: run}, folder)
+    for name, figure in plots.overview({run.controller: run}, f"run {index} of a campaign").items():
+        files += plots.save(figure, folder / file_name(name))
+    print_metrics(f"run {index}", {run.controller: run})
+    say(f"{len(files)} files in {folder}")

@@ -80,7 +80,7 @@ def check(model: Annotated[str, typer.Argument(help="A shipped model, or a folde
     table = Table("law", "what must hold", "deviation", "at most", "verdict", box=None, header_style="bold")
     obeyed = True
     for law, deviation in deviations.items():
-        holds = deviation <= law.tolerance  # also where the deviation is not a number
+        holds = deviation <= law.tolerance  # a deviation that is NaN does not hold
         table.add_row(
             law.name, escape(law.statement), f"{deviation:.1e}", f"{law.tolerance:g}", "holds" if holds else "BROKEN"
         )

@@ -1,4 +1,4 @@
-"""Running an experiment before a person's eyes, and telling what came of it."""
+"""Running an experiment with progress bars, and printing its metrics."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from wmr_afl.simulation.result import Run
 
 
 def run_with_progress(experiment: str, backend: str, controllers: list[str] | None) -> dict[str, Run]:
-    """Runs of an experiment, with a bar for each controller."""
+    """The runs of an experiment by controller, with a progress bar for each."""
     from wmr_afl.experiments.run import run
 
     with progress_bar() as progress:
         tasks: dict[str, TaskID] = {}
 
-        def tell(controller: str, done: int, total: int) -> None:
+        def report(controller: str, done: int, total: int) -> None:
             if controller not in tasks:
                 tasks[controller] = progress.add_task(escape(f"{experiment}: {controller}"), total=total)
             progress.update(tasks[controller], completed=done)
 
-        return run(experiment, backend, controllers, tell)
+        return run(experiment, backend, controllers, report)
 
 
 def print_metrics(title: str, runs: dict[str, Run]) -> None:
-    """One line a run."""
+    """Print a table of metrics, one line for each run."""
     table = Table(
         "controller",
         "RMS error",

@@ -1,4 +1,4 @@
-"""The verb that draws the paper's figures and writes its report."""
+"""The verb `reproduce`: draw the paper's figures and write the report."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verbs that run experiments: simulate, animate."""
+"""Verbs that run one experiment: `simulate`, `animate`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found out about a robot, for a person at a terminal."""
+"""The texts of the verb `show`: the findings of a model, and what one step of a closed loop computes."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ from wmr_afl.simulation.closed_loop import ClosedLoop, trace
 from wmr_afl.simulation.kernels.compiled import kernel_text, print_loop
 from wmr_afl.simulation.layout import Layout
 
+# What the forms of the parametrization mean.
 FORMS = {
     "forward": "forward: v' is linear in theta; the robot can be adapted",
     "inverse": "inverse: the inputs that bring about v' = a are linear in theta",
     "physical": "physical: linear in no theta, which stands for the uncertain parameters themselves",
 }
+_NO_WORK = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)  # instructions that compute nothing
+_NAMES = {value: name[3:].lower() for name, value in vars(ca).items() if name.startswith("OP_")}  # of operations
 
 
 def describe(model: Model) -> Iterator[RenderableType]:
@@ -94,35 +97,8 @@ def describe(model: Model) -> Iterator[RenderableType]:
     yield physical
 
 
-def _control(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """What the outputs and the decoupling matrix are like."""
-    yield "relative degree", ", ".join(f"{output}: {degree}" for output, degree in found["relative_degree"].items())
-    yield f"det {found['determinant_of']}", found["det_decoupling_matrix"]
-    if "Delta" in found["det_decoupling_matrix"]:
-        where = " and stands in model.json" if found["det_denominator"] else ""
-        yield "", f"Delta is the determinant of an inertia, which does not vanish{where}"
-    yield "singular where", " or ".join(found["singular_where"]) or "nowhere"
-    yield "internal coordinates", ", ".join(found["internal_coordinates"]) or "none"
-    line = found["straight_line"]
-    if line:
-        values = ", ".join(line["eigenvalues"]) or ", ".join(str(v) for v in line["eigenvalues_at_defaults"])
-        verdict = f"{line['forward']} forward, {line['backward']} backward; eigenvalues per speed: {values}"
-        yield "along a straight line", verdict
-
-
-def _where(what: str, conditions: list[str]) -> str:
-    return f"{what} where {' or '.join(conditions)}" if conditions else ""
-
-
-def _with_units(units: dict[str, str]) -> str:
-    return ", ".join(f"{name} \\[{unit}]" for name, unit in units.items())
-
-
-_NO_WORK = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
-
-
 def describe_loop(loop: ClosedLoop, controller: str) -> Iterator[RenderableType]:
-    """What goes in and out, and how many operations a step takes."""
+    """States, numbers and signals of a closed loop, and how many operations one step takes."""
     step, program = trace(loop), print_loop(trace(loop), LANES)
     yield f"[bold]{escape(controller)}[/bold] on {loop.model.name}, every {loop.sample_time:g} s"
     facts = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
@@ -145,11 +121,32 @@ def loop_text(loop: ClosedLoop) -> str:
     return kernel_text(trace(loop), watched_signals(loop), LANES, False)[0]
 
 
+def _control(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Findings about outputs, decoupling matrix and internal dynamics, as rows (name, text)."""
+    yield "relative degree", ", ".join(f"{output}: {degree}" for output, degree in found["relative_degree"].items())
+    yield f"det {found['determinant_of']}", found["det_decoupling_matrix"]
+    if "Delta" in found["det_decoupling_matrix"]:
+        where = " and stands in model.json" if found["det_denominator"] else ""
+        yield "", f"Delta is the determinant of an inertia, which does not vanish{where}"
+    yield "singular where", " or ".join(found["singular_where"]) or "nowhere"
+    yield "internal coordinates", ", ".join(found["internal_coordinates"]) or "none"
+    line = found["straight_line"]
+    if line:
+        values = ", ".join(line["eigenvalues"]) or ", ".join(str(v) for v in line["eigenvalues_at_defaults"])
+        verdict = f"{line['forward']} forward, {line['backward']} backward; eigenvalues per speed: {values}"
+        yield "along a straight line", verdict
+
+
+def _where(what: str, conditions: list[str]) -> str:
+    return f"{what} where {' or '.join(conditions)}" if conditions else ""
+
+
+def _with_units(units: dict[str, str]) -> str:
+    return ", ".join(f"{name} \\[{unit}]" for name, unit in units.items())
+
+
 def _sizes(sizes: Mapping[str, int]) -> str:
     return ", ".join(f"{name} ({size})" for name, size in sizes.items())
-
-
-_NAMES = {value: name[3:].lower() for name, value in vars(ca).items() if name.startswith("OP_")}
 
 
 def _name(step: ca.Function, k: int) -> str:

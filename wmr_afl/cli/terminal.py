@@ -1,4 +1,4 @@
-"""What every verb of the command line shares: the application, how errors end, where lines go."""
+"""What all verbs of the command line share: the application, options, errors as lines, output, progress."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ Backend = Annotated[
 
 @contextmanager
 def reporting() -> Iterator[None]:
-    """Errors end in one line each and exit status 2; warnings are one line each and go on."""
+    """Print errors, one line each, and exit with status 2; print warnings, one line each, and go on."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # failures of runs stand in tables
+        warnings.simplefilter("ignore")  # failures of runs are printed in tables
         warnings.simplefilter("always", BackendWarning)
         warnings.showwarning = lambda message, *_: typer.echo(f"warning: {message}", err=True)
         try:
@@ -51,12 +51,12 @@ def reporting() -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """A line as it is."""
+    """Print a line without markup and colours."""
     console.print(escape(text), highlight=False)
 
 
 def progress_bar() -> Progress:
-    """How far, and how long it will take still."""
+    """A progress bar with the remaining time, on stderr; nothing is shown if that is not a terminal."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

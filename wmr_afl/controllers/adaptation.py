@@ -1,4 +1,4 @@
-"""Gradient adaptation of the base parameters (25), modified where the plain law is not enough, and projected."""
+"""Gradient adaptation of the base parameters (25), modified if the plain law is not enough, and projected."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from wmr_input.fields import Numbers, Table
 
 
 class OuterLoopTable(Table):
-    """(27), (34)"""
+    """Gains of (27) and (34)."""
 
     b1: Numbers
     b2: Numbers
@@ -55,7 +55,7 @@ class OuterLoop(Part):
     (s + alpha)/(s^2 + b1 s + b2) must be strictly positive real (35): b2 > 0 and b1 > alpha > 0.
 
     Raises:
-        WmrError: if it is not.
+        WmrError: if it is not strictly positive real.
     """
 
     name = "outer_loop"

@@ -16,55 +16,8 @@ from wmr_input.errors import FieldError
 from wmr_input.fields import Number, Positive, Table
 
 
-@dataclass(frozen=True)
-class Point:
-    """yr, yr', yr'' at one time, (n-m,) each."""
-
-    position: Any
-    velocity: Any
-    acceleration: Any
-
-
-class Reference:
-    """A trajectory of the outputs, one expression of time for each; derivatives are taken from the expressions.
-
-    Raises: ExpressionError, where an expression is wrong.
-    """
-
-    def __init__(self, expressions: Mapping[str, str]) -> None:
-        self.expressions = dict(expressions)
-        self._of_time = TimeFunction(list(expressions.values()), order=2)
-
-    def at(self, t: Any) -> Point:
-        """The reference at time t [s]: columns where t is symbolic, NumPy vectors where it is a number."""
-        return Point(*self._of_time(t))
-
-    def over(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """yr, yr', yr'' at all `times` (T,), (T, n-m) each."""
-        row = np.atleast_1d(np.asarray(times, dtype=float)).reshape(1, -1)
-        if not row.size:  # CasADi has no map over nothing
-            return (np.zeros((0, len(self.expressions))),) * 3
-        position, velocity, acceleration = (part.full().T for part in self._of_time.function.map(row.shape[1])(row))
-        return position, velocity, acceleration
-
-
-def circle(center: Sequence[float], radius: float, rate: float) -> list[str]:
-    """(92): counter-clockwise at `rate` [rad/s]."""
-    return [f"{center[0]!r} + {radius!r}*cos({rate!r}*t)", f"{center[1]!r} + {radius!r}*sin({rate!r}*t)"]
-
-
-def figure_eight(center: Sequence[float], radius: float, rate: float) -> list[str]:
-    """(94): one loop each way in 2 pi/rate seconds."""
-    return [f"{center[0]!r} + {radius!r}*sin(2*{rate!r}*t)", f"{center[1]!r} + {radius!r}*sin({rate!r}*t)"]
-
-
-def line(start: Sequence[float], velocity: Sequence[float]) -> list[str]:
-    """From `start` at constant `velocity`, as many entries each."""
-    return [f"{s!r} + {v!r}*t" for s, v in zip(start, velocity, strict=True)]
-
-
 class Circle(Table):
-    """(92)"""
+    """(92): center and radius [output units], rate [rad/s]."""
 
     center: Annotated[list[Number], Field(min_length=2, max_length=2)]
     radius: Positive
@@ -72,7 +25,7 @@ class Circle(Table):
 
 
 class FigureEight(Table):
-    """(94)"""
+    """(94): center and radius [output units], rate [rad/s]."""
 
     center: Annotated[list[Number], Field(min_length=2, max_length=2)]
     radius: Positive
@@ -80,7 +33,7 @@ class FigureEight(Table):
 
 
 class Line(Table):
-    """Constant velocity, for any number of outputs."""
+    """Constant velocity [output units/s], for any number of outputs."""
 
     start: list[Number]
     velocity: list[Number]
@@ -105,3 +58,51 @@ class ReferenceTable(Table):
         if sum(kind is not None for kind in vars(self).values()) != 1:
             raise FieldError("names no or several trajectories", f"give one of {', '.join(vars(self))}")
         return self
+
+
+def circle(center: Sequence[float], radius: float, rate: float) -> list[str]:
+    """(92): counter-clockwise at `rate` [rad/s]."""
+    return [f"{center[0]!r} + {radius!r}*cos({rate!r}*t)", f"{center[1]!r} + {radius!r}*sin({rate!r}*t)"]
+
+
+def figure_eight(center: Sequence[float], radius: float, rate: float) -> list[str]:
+    """(94): one loop each way in 2 pi/rate seconds."""
+    return [f"{center[0]!r} + {radius!r}*sin(2*{rate!r}*t)", f"{center[1]!r} + {radius!r}*sin({rate!r}*t)"]
+
+
+def line(start: Sequence[float], velocity: Sequence[float]) -> list[str]:
+    """From `start` at constant `velocity`, as many entries each."""
+    return [f"{s!r} + {v!r}*t" for s, v in zip(start, velocity, strict=True)]
+
+
+@dataclass(frozen=True)
+class Point:
+    """yr, yr', yr'' at one time, (n-m,) each."""
+
+    position: Any
+    velocity: Any
+    acceleration: Any
+
+
+class Reference:
+    """A trajectory of the outputs, one expression of time for each; derivatives are taken from the expressions.
+
+    Raises:
+        ExpressionError: if an expression is wrong.
+    """
+
+    def __init__(self, expressions: Mapping[str, str]) -> None:
+        self.expressions = dict(expressions)
+        self._of_time = TimeFunction(list(expressions.values()), order=2)
+
+    def at(self, t: Any) -> Point:
+        """The reference at time t [s]: columns if t is symbolic, NumPy vectors if it is a number."""
+        return Point(*self._of_time(t))
+
+    def over(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
+        """yr, yr', yr'' at all `times` (T,) [s], (T, n-m) each."""
+        row = np.atleast_1d(np.asarray(times, dtype=float)).reshape(1, -1)
+        if not row.size:  # CasADi has no map over nothing
+            return (np.zeros((0, len(self.expressions))),) * 3
+        position, velocity, acceleration = (part.full().T for part in self._of_time.function.map(row.shape[1])(row))
+        return position, velocity, acceleration

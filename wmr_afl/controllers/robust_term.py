@@ -1,4 +1,4 @@
-"""The adaptive robust term of the outer loop (70)-(74): it outweighs what the regressor cannot tell."""
+"""The adaptive robust term of the outer loop (70)-(74): it outweighs what the regressor does not describe."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wmr_afl.numerics.arrays import Array, Arrays, Floats, norm
 from wmr_afl.numerics.parts import Part
 from wmr_input.fields import NotNegative, Positive, Table
 
-_SMALLEST = 1e-300  # keeps 0/0 out once mu has decayed below any number
+_SMALLEST = 1e-300  # close to the smallest double; keeps 0/0 out once mu has decayed to zero
 
 
 class RobustTable(Table):

@@ -32,10 +32,10 @@ from wmr_input.errors import mistakes_at
 
 
 def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:
-    """The closed loop of every controller of an experiment that stands in `file`.
+    """The closed loop of every controller of the experiment in `file`.
 
     Raises:
-        InputError: with file, place and remedy.
+        InputError: if a value does not fit the robot; the text names file, place and remedy.
     """
     assembly = _Assembly(experiment, file)
     return {name: assembly.loop(name) for name in experiment.controllers}
@@ -45,7 +45,7 @@ def model_of(experiment: Experiment, file: Path) -> Path:
     """The folder of an experiment's model: one beside its file, one by its path, or a shipped one by its name.
 
     Raises:
-        InputError: if there is none.
+        InputError: if there is no such model.
     """
     beside = file.parent / experiment.robot
     with mistakes_at(file, "robot"):
@@ -59,6 +59,8 @@ def rules_of(experiment: Experiment, controller: str, model: Model) -> Rules:
 
 @dataclass
 class _Assembly:
+    """Model, parameters and reference of an experiment, which its closed loops share."""
+
     experiment: Experiment
     file: Path
 

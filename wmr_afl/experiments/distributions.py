@@ -1,4 +1,4 @@
-"""Tables of a campaign: what is drawn for each run, and what counts as success."""
+"""Tables of a campaign: what is drawn for each run, and what counts as success; and the draws themselves."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from wmr_afl.numerics.arrays import Floats
 from wmr_input.errors import FieldError
 from wmr_input.fields import NotNegative, Number, Positive, Table
 
+BLOCK = 1024  # runs; each block draws each quantity from its own stream, so that blocks can be run in any order
+PLACES = ("parameters", "start", "gains", "scale")  # tables of [campaign] that hold distributions
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
 class Distribution(Table):
-    """Of one number; exactly one kind."""
+    """The distribution of one number; exactly one kind is given."""
 
     uniform: Pair | None = None  # low, high
     log_uniform: Pair | None = None  # low, high, both positive: every factor is as likely as any other
@@ -50,7 +52,7 @@ class SuccessTable(Table):
 
 
 class CampaignTable(Table):
-    """Many runs of one controller, the first unless named; errors count from `since` [s]."""
+    """Many runs of one controller, the first unless named; errors count from `since` [s] on."""
 
     controller: str | None = None
     seed: Annotated[int, Field(ge=0)] = 0
@@ -60,12 +62,6 @@ class CampaignTable(Table):
     gains: dict[str, Distribution] = Field(default_factory=dict)  # the same number in every entry
     scale: dict[str, Distribution] = Field(default_factory=dict)  # a factor on a physical parameter or a gain
     success: SuccessTable = SuccessTable()
-
-
-BLOCK = 1024  # runs; each block of each quantity has a stream of its own
-
-
-PLACES = ("parameters", "start", "gains", "scale")
 
 
 def quantities(table: CampaignTable) -> Iterator[tuple[str, str, Distribution]]:

@@ -17,6 +17,26 @@ from wmr_input import read_toml
 from wmr_input.errors import FieldError
 from wmr_input.fields import Number, Positive, Table
 
+MOST_SAMPLES = 5_000_000  # of one run; 25 signals of doubles then take 1 GB of memory
+_SHIPPED = Path(__file__).parent / "catalogue"  # the folder of the shipped experiments
+
+
+class SimulationTable(Table):
+    """Duration [s], sample time [s] and integrator."""
+
+    duration: Positive
+    sample_time: Positive
+    integrator: Literal["euler", "rk4"] = "euler"
+
+    @model_validator(mode="after")
+    def _samples(self) -> SimulationTable:
+        if self.sample_time > self.duration:
+            raise FieldError("sample_time exceeds duration", "choose a shorter sample or a longer run")
+        if self.duration / self.sample_time > MOST_SAMPLES:
+            count = self.duration / self.sample_time
+            raise FieldError(f"{count:.3g} samples are too many", f"stay within {MOST_SAMPLES}")
+        return self
+
 
 class Experiment(Table):
     """One robot, one reference, any number of controllers; `shared` holds for those that do not say otherwise."""
@@ -35,7 +55,7 @@ class Experiment(Table):
 
     @model_validator(mode="after")
     def _names_of_controllers(self) -> Experiment:
-        """Controllers name files and lines of plots."""
+        """Check the names of controllers, which become names of files and of lines in plots."""
         seen: dict[str, str] = {}
         for name in self.controllers:
             if not name.strip() or len(name) > 60 or not name.isprintable():
@@ -61,9 +81,6 @@ def file_name(name: str) -> str:
     return "".join(letter if letter.isalnum() or letter in "-_" else "_" for letter in name)
 
 
-_SHIPPED = Path(__file__).parent / "catalogue"
-
-
 def list_experiments() -> list[str]:
     """The names of the shipped experiments."""
     return sorted(path.stem for path in _SHIPPED.glob("*.toml"))
@@ -72,10 +89,12 @@ def list_experiments() -> list[str]:
 def find_experiment(name: str | Path) -> Path:
     """The file of a shipped experiment, or a file by its path.
 
-    Raises: UnknownNameError.
+    Raises:
+        UnknownNameError: if there is no such experiment.
+        InputError: if there is no such .toml file.
     """
     path = Path(name)
-    if os.path.isfile(path):  # unlike Path.is_file, no error where the name is too long
+    if os.path.isfile(path):  # unlike Path.is_file, no error if the name is too long
         return path
     if str(name) in list_experiments():
         return _SHIPPED / f"{name}.toml"
@@ -85,29 +104,11 @@ def find_experiment(name: str | Path) -> Path:
 
 
 def read_experiment(name: str | Path) -> tuple[Experiment, Path]:
-    """A shipped experiment by name, or an experiment file, and where it stands.
+    """A shipped experiment by name, or one by its file, and the path of the file.
 
-    Raises: InputError, UnknownNameError.
+    Raises:
+        InputError: if the file has a mistake.
+        UnknownNameError: if there is no such experiment.
     """
     path = find_experiment(name)
     return read_toml(path, Experiment), path
-
-
-MOST_SAMPLES = 5_000_000  # of one run; its signals still fit into the memory of a small machine
-
-
-class SimulationTable(Table):
-    """Samples and integration."""
-
-    duration: Positive
-    sample_time: Positive
-    integrator: Literal["euler", "rk4"] = "euler"
-
-    @model_validator(mode="after")
-    def _samples(self) -> SimulationTable:
-        if self.sample_time > self.duration:
-            raise FieldError("sample_time exceeds duration", "choose a shorter sample or a longer run")
-        if self.duration / self.sample_time > MOST_SAMPLES:
-            count = self.duration / self.sample_time
-            raise FieldError(f"{count:.3g} samples are too many", f"stay within {MOST_SAMPLES}")
-        return self

@@ -1,4 +1,4 @@
-"""Experiments ready to run, assembled once for as long as their files stay the same."""
+"""Experiments ready to run, assembled again only if their files have changed."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ class Loaded:
     loops: dict[str, ClosedLoop]
 
     def name(self, controller: str | None = None) -> str:
-        """A controller's name, checked; the first one's where none is given.
+        """A controller's name, checked; the first one's if none is given.
 
-        Raises: UnknownNameError.
+        Raises:
+            UnknownNameError: if there is no such controller.
         """
         name = next(iter(self.loops)) if controller is None else controller
         if name not in self.loops:
@@ -35,9 +36,11 @@ class Loaded:
 
 
 def load_experiment(name: str | Path) -> Loaded:
-    """A shipped experiment by name, or an experiment file.
+    """A shipped experiment by name, or one by its file.
 
-    Raises: InputError, UnknownNameError.
+    Raises:
+        InputError: if the file has a mistake.
+        UnknownNameError: if there is no such experiment.
     """
     path = find_experiment(name)
     place, text = path.absolute(), _digest([path])
@@ -57,13 +60,13 @@ def _assembled(path: Path, place: Path, text: str, model: tuple[tuple[int, int, 
 
 
 def _stamps(folder: Path) -> tuple[tuple[int, int, int], ...]:
-    """Of the files of a model, which are replaced, never written into."""
+    """Inode, time and size of each file of a model; enough, because files are replaced, never written into."""
     found = (os.stat(folder / name) for name in sorted(os.listdir(folder)))
     return tuple((file.st_ino, file.st_mtime_ns, file.st_size) for file in found)
 
 
 def _digest(files: Iterable[Path]) -> str:
-    """Of the content of files; of one that cannot be read nothing, which whoever reads it will tell."""
+    """The digest of the content of files. A file that cannot be read is skipped: reading it reports the error."""
     content = hashlib.sha256()
     for file in files:
         try:

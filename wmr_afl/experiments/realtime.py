@@ -93,7 +93,7 @@ class Controller:
         self._now[:] = Layout(self._start).pack(self._start)
 
     def _compiled_if_possible(self, step: ca.Function) -> Callable[[], None]:
-        """A call that advances the states, where `_before` holds them too, from t and x, and leaves the inputs."""
+        """A call that advances the states `_now`, copied in `_before`, from `_t` and `_x`, and writes `_out`."""
         try:
             kernel = Kernel(step, Watched(regularity=self._inputs + 1), logged=True)
         except CompilerError:

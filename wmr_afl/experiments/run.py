@@ -24,7 +24,7 @@ def run(
     controllers: Iterable[str] | str | None = None,
     progress: Progress = lambda controller, done, total: None,
 ) -> dict[str, Run]:
-    """Runs every controller of an experiment, or those named, one after the other.
+    """Run every controller of an experiment, or those named, one after the other.
 
     `experiment`: the name of a shipped experiment or a TOML file; `backend`: "numpy" runs step by step, "casadi" traces
     the step once and runs it by CasADi's virtual machine, "compiled" as machine code, "auto" chooses the faster one of
@@ -66,7 +66,7 @@ def run_batch(
     trajectories: str | Path | None = None,
     scale: Mapping[str, ArrayLike] | None = None,
 ) -> BatchResult:
-    """Runs one controller of an experiment (the first unless named) for many robots that differ in numbers.
+    """Run one controller of an experiment (the first unless named) for many robots that differ in numbers.
 
     `parameters`, `start`: physical parameters and states by name, (N,) each; the controller knows the known constants
     of each robot, and exact or guessed estimates follow. `values`: gains by name (b1, Gamma ...), (N, ...); `scale`:

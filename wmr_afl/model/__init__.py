@@ -1,1 +1,1 @@
-"""The one door to generated code."""
+"""Models: the only way to generated code."""

@@ -1,4 +1,4 @@
-"""The public door to the derivation."""
+"""The public function that derives a robot."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from wmr_afl.model.packages import derivation
 
 
 def derive(description: str | Path, out: str | Path | None = None) -> Any:
-    """Derives the robot that a TOML file describes; needs the extra `derive`.
+    """Derive the robot that a TOML file describes; needs the extra `derive`.
 
-    Parameters: `out`, a folder in which the robot's model is written too, as `out`/<name of the robot>/.
-    Returns: the derivation with its SymPy matrices, such as `kinematics.kinematic_matrix` S (3) and
-    `dynamics.inertia_matrix` Mbar (14).
-    Raises: InputError, if the description is wrong; WmrError, if SymPy is not installed or `out` cannot be written.
+    `out`: a folder into which the robot's model is also written, as `out`/<name of the robot>/. The derivation that is
+    returned holds SymPy matrices, such as `kinematics.kinematic_matrix` S (3) and `dynamics.inertia_matrix` Mbar (14).
+
+    Raises:
+        InputError: if the description is wrong.
+        WmrError: if SymPy is not installed or `out` cannot be written.
     """
     path = Path(description)
     derived = derivation("derivation").derive_robot(path)

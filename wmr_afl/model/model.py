@@ -34,7 +34,7 @@ class Model:
 
     x = [q; v] is the state, u the motor voltages, w generalized forces on v, p the physical parameters, theta the base
     parameters, c the known constants. Every generated function is an attribute: `model.decoupling_matrix(x, theta, c)`;
-    `model.functions()` lists them and `help(model.decoupling_matrix)` tells arguments, shape and equation. In NumPy
+    `model.functions()` lists them and `help(model.decoupling_matrix)` shows arguments, shape and equation. In NumPy
     every argument may carry batches in front; in CasADi arguments are columns, and symbols give symbols.
     """
 
@@ -62,17 +62,17 @@ class Model:
             self._add(function, getattr(module, function))
 
     def _add(self, name: str, function: Any) -> None:
-        """Makes a generated function a term of this model."""
+        """Make a generated function a term of this model."""
         meaning, entries = self.metadata["functions"][name], self._entries()
         self._functions[name] = function
         arguments = {argument: entries[argument] for argument in meaning["arguments"]}
         setattr(self, name, Term(self.name, name, function, arguments, meaning))
 
     def __getattr__(self, name: str) -> Any:
-        """Reached for what the model does not have.
+        """Called by Python only for attributes that the model does not have.
 
         Raises:
-            MissingTermError: which is an AttributeError, too.
+            MissingTermError: if a term is missing; it is an AttributeError, too.
         """
         if name.startswith("_"):
             raise AttributeError(name)

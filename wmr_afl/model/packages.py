@@ -1,7 +1,7 @@
 """Where the derivation and the generated models stand: inside an installed wmr_afl, beside it in a checkout.
 
-Both are reached under names inside `wmr_afl` only, so that whatever else is called `derive` or `generated` on a user's
-machine changes nothing.
+Both are imported under names inside `wmr_afl` only: another package called `derive` or `generated` on a user's machine
+changes nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from types import ModuleType
 
 from wmr_afl.errors import WmrError
 
-_PACKAGE = Path(__file__).resolve().parents[1]
+_PACKAGE = Path(__file__).resolve().parents[1]  # the folder wmr_afl
 
 
 def generated() -> ModuleType:
@@ -31,7 +31,8 @@ def shipped_models() -> Path:
 def derivation(module: str) -> ModuleType:
     """A module of the derivation by its name there, `codegen.write`; it is imported only when it is asked for.
 
-    Raises: WmrError, if what it needs, such as SymPy, is not installed.
+    Raises:
+        WmrError: if a package that it needs, such as SymPy, is not installed.
     """
     package = _package("_derive", _folder("_derive", "derive"))
     try:

@@ -1,4 +1,4 @@
-"""Numbers that no robot can have must not end in a strange run."""
+"""Numbers that no robot can have are refused before a run, instead of giving a strange one."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from wmr_afl.numerics.arrays import Floats
 
 
 def check_robots(model: Model, start: Mapping[str, float], parameters: Floats) -> None:
-    """Masses are not negative, base parameters finite, the inertia matrix positive definite at the start.
+    """Check that masses are not negative, base parameters finite, the inertia matrix positive definite at the start.
 
-    `parameters` (n_p,), or (N, n_p) for N robots.
-    Raises: WmrError, with the first robot that is not like that.
+    `parameters`: p (n_p,), or (N, n_p) for N robots.
+
+    Raises:
+        WmrError: if a robot fails the check; the text describes the first one.
     """
     names, robots = list(model.parameter_units), np.atleast_2d(parameters)
     for column, (name, unit) in enumerate(model.parameter_units.items()):

@@ -1,4 +1,4 @@
-"""A generated function behind checks: what does not fit ends in one line instead of a broadcast or a traceback."""
+"""A generated function with checked arguments: a wrong shape gives one line of text, no broadcast and no traceback."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def checked_vector(argument: str, model: str, value: Array, names: Sequence[str]
     """`value` as an array of numbers (..., len(names)).
 
     Raises:
-        ShapeError: if it is none.
+        ShapeError: if it is not one.
     """
     expected = f"expected (..., {len(names)}): {', '.join(names) or 'nothing'}"
     try:
@@ -74,10 +74,10 @@ def checked_vector(argument: str, model: str, value: Array, names: Sequence[str]
 
 
 def check_column(argument: str, model: str, value: Array, names: Sequence[str]) -> None:
-    """Checks that `value` is a column (len(names), 1), of numbers or of symbols.
+    """Check that `value` is a column (len(names), 1), of numbers or of symbols.
 
     Raises:
-        ShapeError: if it is not.
+        ShapeError: if it is not one.
     """
     if not isinstance(value, SX | MX | DM):
         value = checked_vector(argument, model, value, names)

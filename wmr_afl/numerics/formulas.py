@@ -12,7 +12,7 @@ import numpy as np
 
 from wmr_input import LONGEST_FORMULA, Algebra, evaluate
 
-_ON_ARRAYS = {
+_ON_ARRAYS = {  # functions in formulas of model.json
     "sin": np.sin,
     "cos": np.cos,
     "tan": np.tan,
@@ -22,7 +22,7 @@ _ON_ARRAYS = {
     "abs": np.abs,
     "sign": np.sign,
 }
-_OF_TIME = {
+_OF_TIME = {  # functions in expressions of time
     "sin": ca.sin,
     "cos": ca.cos,
     "tan": ca.tan,
@@ -53,10 +53,6 @@ def time_expression(text: str, t: ca.SX) -> ca.SX:
     return ca.SX(evaluate(text, Algebra({"t": t, "pi": pi}, _OF_TIME, _number)))
 
 
-def _number(fraction: Fraction) -> float:
-    return fraction.numerator / fraction.denominator
-
-
 class TimeFunction:
     """A vector of expressions of time `t` [s], with derivatives up to `order`.
 
@@ -75,3 +71,7 @@ class TimeFunction:
         """Value and derivatives at time t [s]: columns if t is symbolic, NumPy vectors if it is a number."""
         parts = self.function.call([t])
         return parts if isinstance(t, ca.SX) else [part.full()[:, 0] for part in parts]
+
+
+def _number(fraction: Fraction) -> float:
+    return fraction.numerator / fraction.denominator

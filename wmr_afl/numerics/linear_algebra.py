@@ -8,7 +8,7 @@ from itertools import combinations
 
 from wmr_afl.numerics.arrays import Array, Arrays
 
-SINGULAR = 1e-9  # volume of rows of length one below which a matrix' inverse means nothing
+SINGULAR = 1e-9  # volume (no unit) of rows scaled to length one; below it an inverse is mostly rounding errors
 
 
 def determinant(rows: list[list[Array]]) -> Array:
@@ -49,7 +49,7 @@ def least_norm(matrix: Array, right: Array, weights: Array, arrays: Arrays) -> A
 
 
 def regularity(matrix: Array, arrays: Arrays) -> Array:
-    """Positive where a matrix has an inverse that means something; zero, negative or NaN where not.
+    """Positive if a matrix has a meaningful inverse; zero, negative or NaN if not.
 
     The square of the rows' volume less that of SINGULAR times the product of their lengths: no unit and no scale of a
     row matters to the sign, and nothing is divided. For more columns than rows the largest of the square minors counts.
@@ -62,10 +62,6 @@ def regularity(matrix: Array, arrays: Arrays) -> Array:
     return reduce(arrays.maximum, [minor * minor for minor in minors]) - lengths
 
 
-def _choices(rows: list[list[Array]]) -> Iterable[tuple[int, ...]]:
-    return combinations(range(len(rows[0])), len(rows))
-
-
 def sum_of_squares(matrix: Array) -> Array:
     """The square of Frobenius' norm."""
     return _sum(entry * entry for row in entries(matrix) for entry in row)
@@ -74,6 +70,10 @@ def sum_of_squares(matrix: Array) -> Array:
 def entries(matrix: Array) -> list[list[Array]]:
     """The entries of a matrix by row."""
     return [[matrix[i, j] for j in range(matrix.shape[1])] for i in range(matrix.shape[0])]
+
+
+def _choices(rows: list[list[Array]]) -> Iterable[tuple[int, ...]]:
+    return combinations(range(len(rows[0])), len(rows))
 
 
 def _sum(values: object) -> Array:

@@ -9,11 +9,11 @@ from typing import Any, ClassVar, Generic, TypeVar
 from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Floats
 
-NOTHING = SimpleNamespace()  # of a part without numbers or states
+NOTHING = SimpleNamespace()  # numbers or states of a part that has none
 
 
 class Part:
-    """Something with numbers that may differ from robot to robot, and with states that go on from sample to sample."""
+    """Something with numbers that may differ from robot to robot, and with states that change from sample to sample."""
 
     name: ClassVar[str]
 
@@ -86,14 +86,15 @@ def by_part(flat: Mapping[str, Any]) -> SimpleNamespace:
 
 
 def prefixed(part: str, following: Mapping[str, Any]) -> dict[str, Any]:
-    """What a part gives by its own names, by `part.name`."""
+    """Entries by `part.name` instead of by the part's own names."""
     return {f"{part}.{name}": value for name, value in following.items()}
 
 
 def disjoint(*parts: Mapping[str, Any]) -> dict[str, Any]:
     """All names of all mappings.
 
-    Raises: WmrError, if two of them share a name, for then one would silently replace the other.
+    Raises:
+        WmrError: if two of them share a name: one would silently replace the other.
     """
     whole: dict[str, Any] = {}
     for part in parts:

@@ -12,8 +12,8 @@ import numpy as np
 
 from wmr_afl.numerics.arrays import Floats
 
-Rule = Callable[["Numbers"], Floats]
-Rules = Mapping[str, Rule]
+Rule = Callable[["Numbers"], Floats]  # one number from the others
+Rules = Mapping[str, Rule]  # by the name of the number that follows
 
 
 class Numbers:

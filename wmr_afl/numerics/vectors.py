@@ -13,7 +13,7 @@ from wmr_input.fields import Named
 
 
 def by_name(kind: str, given: Named, names: Sequence[str], missing: float | None = None) -> Floats:
-    """One number for all, a list in order, or numbers by name, as (len(names),); `kind` is what the names are of.
+    """One number for all, a list in order, or numbers by name, as (len(names),); `kind` says what the names are.
 
     Raises:
         UnknownNameError: if a name is not one of `names`.

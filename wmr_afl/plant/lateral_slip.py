@@ -1,4 +1,4 @@
-"""Lateral slip of the wheels (96): the root frame moves sideways, which no pseudo-velocity says."""
+"""Lateral slip of the wheels (96): the root frame moves sideways, which no pseudo-velocity describes."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ from wmr_afl.errors import UnknownNameError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array
 
-PLACES = ("pseudo_velocities", "wheels")
+PLACES = ("pseudo_velocities", "wheels")  # names in an experiment's tables
 
 
 class Place:

@@ -61,7 +61,7 @@ class Plant:
 
     @property
     def seed(self) -> int:
-        """Of these numbers."""
+        """The seed of these numbers."""
         return next((part.seed for part in self.uncertainties if part.samples), 0)
 
     def measured(self, x: Array, sample: Array, k: SimpleNamespace, arrays: Arrays) -> Array:

@@ -25,7 +25,7 @@ class Surroundings:
 class UncertaintyTable(Table):
     """The table of an uncertainty in an experiment."""
 
-    key: ClassVar[str] = ""  # at which mistakes are reported that only the robot shows
+    key: ClassVar[str] = ""  # where in the table a mistake is reported that shows only with the robot
 
     def build(self, surroundings: Surroundings) -> Uncertainty:
         """The uncertainty that the table describes.
@@ -62,7 +62,7 @@ class Uncertainty(Part):
         return u
 
     def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array | None:
-        """A generalized force on v, against the motion: Mbar v' + Cbar v + w = Bbar K1 u (14), (n-m,); None is none."""
+        """A generalized force on v, against the motion: Mbar v' + Cbar v + w = Bbar K1 u (14), (n-m,); None is zero."""
         return None
 
     def rate(self, t: Array, x: Array, k: SimpleNamespace, model: Model) -> Array | None:

@@ -23,8 +23,8 @@ from wmr_afl.simulation.layout import Layout
 Record = Callable[[slice, slice, Floats], None]  # robots, samples, signals (samples, signals, robots)
 Blocks = Iterable[tuple[slice, Block]]  # with the place of each among the robots
 
-LANES = 64  # robots of a block: their numbers stay in the first cache
-CHUNK = 1000  # samples of noise, or of signals that are recorded, in memory at a time
+LANES = 64  # robots of a block, few enough for their numbers to stay in the first-level cache
+CHUNK = 1000  # samples of noise or recorded signals at a time, which bounds the memory of a block
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class BatchOptions:
     """How a batch is run."""
 
     duration: float  # [s]
-    since: float = 0.0  # [s], from where errors count
+    since: float = 0.0  # [s], from when errors count
     threads: int = 1
     backend: str = "auto"  # "compiled", "casadi", or "auto"
     progress: Callable[[int], None] = lambda done: None  # called with the number of robots that were done
@@ -40,18 +40,18 @@ class BatchOptions:
 
 @dataclass(frozen=True)
 class BatchResult:
-    """Summaries of N runs since some time; of a run that failed all but its end are infinite."""
+    """Summaries of N runs; those of a failed run are infinite, except its final state and the time of its failure."""
 
     rms: Floats  # (N, n-m), of the tracking error since `since`
     largest_error: Floats  # (N, n-m)
     largest_input: Floats  # (N, n_u) [V]
     largest_estimate: Floats  # (N,)
-    final_state: Floats  # (N, 2n-m), where the last sample leads to
+    final_state: Floats  # (N, 2n-m), one step after the last sample
     failure_time: Floats  # (N,) [s], NaN if it did not fail
 
     @property
     def failed(self) -> NDArray[np.bool_]:
-        """(N,)"""
+        """Which runs failed, (N,)."""
         return np.isfinite(self.failure_time)
 
 
@@ -67,11 +67,11 @@ def rms_of_many(loops: Sequence[ClosedLoop], duration: float) -> Floats:
 def advance_all(
     loop: ClosedLoop, ensemble: Ensemble, options: BatchOptions, record: Record | None = None
 ) -> BatchResult:
-    """Runs all robots of an ensemble and summarizes each; `record` is given all signals, chunk by chunk.
+    """Run all robots of an ensemble and summarize each run; `record` is given all signals, chunk by chunk.
 
     Raises:
         UnknownNameError: if there is no such backend.
-        SimulationError: if `since` is no time of the run.
+        SimulationError: if `since` is not a time of the run.
     """
     blocks = []
     for robots, block in advance_blocks(loop, ensemble, options, record):
@@ -83,9 +83,13 @@ def advance_all(
 def advance_blocks(
     loop: ClosedLoop, ensemble: Ensemble, options: BatchOptions, record: Record | None = None
 ) -> Iterator[tuple[slice, Block]]:
-    """Advances all robots, and gives each block with its place among the robots.
+    """Advance all robots; yield each block with its place among the robots.
 
     Neither the number of threads nor the place of a robot among the others changes a bit of its numbers.
+
+    Raises:
+        UnknownNameError: if there is no such backend.
+        SimulationError: if `since` is not a time of the run.
     """
     if options.backend not in KERNELS:
         raise UnknownNameError("backend of a batch", str(options.backend), KERNELS)
@@ -141,7 +145,7 @@ def _chunks(count: int, cut: int, size: int) -> Iterator[slice]:
 
 
 def _summary(blocks: Blocks, loop: ClosedLoop, options: BatchOptions) -> BatchResult:
-    """Blocks that have come to their end, as one result."""
+    """Finished blocks as one result."""
     kept = [(robots.stop - robots.start, block) for robots, block in blocks]
     outputs, inputs = loop.signals["e"], loop.signals["u"]  # as `watched_signals` orders them
     times = sample_times(loop, options.duration)

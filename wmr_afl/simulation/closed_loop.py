@@ -1,4 +1,4 @@
-"""Plant, law and reference as one step in discrete time: the text that NumPy runs and CasADi traces."""
+"""Plant, law and reference as one step in discrete time: the same code is run by NumPy and traced by CasADi."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from wmr_afl.simulation.layout import Layout
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """One robot, one law, one reference, sampled every `sample_time` [s]; each is its own and may be a key."""
+    """One robot, one law, one reference, sampled every `sample_time` [s]; hashed by identity, as a key of caches."""
 
     model: Model
     plant: Plant
@@ -31,7 +31,7 @@ class ClosedLoop:
 
     @functools.cached_property
     def values(self) -> dict[str, Floats]:
-        """Parameters and gains: what may differ between robots of a batch, never the text."""
+        """Parameters and gains: the numbers that may differ between robots of a batch, which share the step."""
         return disjoint(self.plant.values, self.law.values)
 
     @functools.cached_property
@@ -87,7 +87,7 @@ class ClosedLoop:
 
 @functools.lru_cache(maxsize=32)
 def sample_times(loop: ClosedLoop, duration: float) -> Floats:
-    """The times of all samples from 0 to `duration` [s], (T,), not to be written into."""
+    """The times of all samples from 0 to `duration` [s], (T,); read-only, because all callers share them."""
     times = np.asarray(np.arange(round(duration / loop.sample_time) + 1) * loop.sample_time, dtype=np.float64)
     times.flags.writeable = False
     return times

@@ -24,7 +24,7 @@ class Ensemble:
 
     @classmethod
     def of(cls, loops: Sequence[ClosedLoop]) -> Ensemble:
-        """Loops of one text as they are, one robot each.
+        """Loops that differ only in numbers, one robot each.
 
         Raises:
             ShapeError: if the loops differ in more than numbers.
@@ -41,6 +41,7 @@ class Ensemble:
 
     @property
     def count(self) -> int:
+        """N."""
         return int(self.states.shape[1])
 
     def generator(self, robot: int) -> np.random.Generator:

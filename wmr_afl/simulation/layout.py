@@ -23,6 +23,7 @@ class Layout:
 
     @property
     def size(self) -> int:
+        """The length of the flat vector."""
         return sum(self.sizes.values())
 
     @functools.cached_property

@@ -1,4 +1,4 @@
-"""The result of one closed loop: signals over time, and what can be said of them in numbers."""
+"""The result of one closed loop: signals over time, and their errors in numbers."""
 
 from __future__ import annotations
 
@@ -51,14 +51,16 @@ class Run:
     def rms(self, since: float = 0.0, until: float = np.inf) -> Floats:
         """Root mean square of the tracking error from `since` to `until` [s], (n-m,).
 
-        Raises: SimulationError, where the run failed before `until` or holds no sample in between.
+        Raises:
+            SimulationError: if the run failed before `until`, or has no sample in between.
         """
         return np.sqrt(np.mean(self._window(since, until) ** 2, axis=0))
 
     def largest_error(self, since: float = 0.0, until: float = np.inf) -> Floats:
         """Largest absolute tracking error from `since` to `until` [s], (n-m,).
 
-        Raises: SimulationError, as `rms`.
+        Raises:
+            SimulationError: if the run failed before `until`, or has no sample in between.
         """
         return np.max(np.abs(self._window(since, until)), axis=0)
 

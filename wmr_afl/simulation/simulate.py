@@ -17,6 +17,14 @@ from wmr_afl.simulation.layout import Layout
 from wmr_afl.simulation.result import Failure, Run
 from wmr_afl.simulation.steppers import stepper
 
+# The cause of a failure by the first signal that shows it, in the order from cause to effect.
+_CAUSES = {
+    "x": "the state is not finite: the loop diverged",
+    "theta_hat": "the estimate is not finite",
+    "e": "the reference or the output is not finite there",
+    "regularity": "the estimated decoupling matrix is singular; bound the estimates",
+    "command": "the input is not finite: the loop diverged; bound the estimates, lower the gains or sample faster",
+}
 Progress = Callable[[int], None]  # called with the number of samples that were done
 
 
@@ -32,11 +40,14 @@ def simulate(
     progress: Progress = lambda done: None,
     robot: Ensemble | None = None,
 ) -> Run:
-    """Runs `loop` for `duration` [s], as it is or with the numbers of one `robot`.
+    """Run `loop` for `duration` [s], as it is or with the numbers of one `robot`.
 
     A singular Dhat or a state that is not finite ends the run: it keeps what was computed up to there, names time and
     cause in `failure`, and a SimulationWarning is given.
-    Raises: SimulationError, where the run is shorter than a sample; UnknownNameError, where there is no such backend.
+
+    Raises:
+        SimulationError: if the run is shorter than a sample.
+        UnknownNameError: if there is no such backend.
     """
     if loop.sample_time > duration:
         raise SimulationError(f"a sample of {loop.sample_time:g} s is longer than the run of {duration:g} s")
@@ -44,7 +55,7 @@ def simulate(
     robot = robot or _as_it_is(loop)
     noise = normal_samples(robot.generator(0), len(times), loop.plant.samples) if loop.plant.samples else None
     blocks, done, failure = [], 0, None
-    with np.errstate(all="ignore"):  # what is not finite is looked for below
+    with np.errstate(all="ignore"):  # `_failure` looks for what is not finite
         for chunk in stepper(backend)(loop, robot, times, noise):
             blocks.append(chunk.rows)
             failure = None if chunk.is_sound else _failure(chunk.rows, times[done:], signals)
@@ -78,26 +89,17 @@ def _as_it_is(loop: ClosedLoop) -> Ensemble:
 
 
 def _failure(block: Floats, times: Floats, signals: Layout) -> Failure | None:
-    """The first sample of a block that is singular or not finite."""
+    """The failure at the first sample that is singular or not finite; None if there is none."""
     regularity = block[:, signals.places["regularity"]][:, 0]
-    if np.isfinite(block.sum()) and regularity.min() > 0.0:  # the usual case, looked at quickly
+    if np.isfinite(block.sum()) and regularity.min() > 0.0:  # the usual case, checked fast
         return None
     finite = np.isfinite(block).all(axis=1)
     bad = np.flatnonzero(~finite | (regularity <= 0.0))
     if not len(bad):
         return None
     k = int(bad[0])
-    for signal, cause in _CAUSES.items():  # from cause to effect
+    for signal, cause in _CAUSES.items():
         value = block[k, signals.places[signal]]
         if not np.isfinite(value).all() or (signal == "regularity" and value[0] <= 0.0):
             return Failure(float(times[k]), cause)
     return Failure(float(times[k]), "a signal is not finite")
-
-
-_CAUSES = {
-    "x": "the state is not finite: the loop diverged",
-    "theta_hat": "the estimate is not finite",
-    "e": "the reference or the output is not finite there",
-    "regularity": "the estimated decoupling matrix is singular; bound the estimates",
-    "command": "the input is not finite: the loop diverged; bound the estimates, lower the gains or sample faster",
-}

@@ -1,4 +1,4 @@
-"""The steps of one closed loop: in NumPy, by CasADi's virtual machine, or by machine code."""
+"""The steps of one closed loop, by backend: NumPy, CasADi's virtual machine, or machine code."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from wmr_afl.simulation.kernels.block import Watched
 from wmr_afl.simulation.kernels.kernel import KERNELS, Kernel
 from wmr_afl.simulation.layout import Layout
 
-CHUNK = 1000  # samples that CasADi runs between two looks at the result
-COMPILED_CHUNK = 100_000  # and that machine code runs
-WORTH_BUILDING = 500_000  # samples from which a run takes longer than a C compiler
+CHUNK = 1000  # samples between two checks for a failure; CasADi runs them within milliseconds
+COMPILED_CHUNK = 100_000  # the same for machine code
+WORTH_BUILDING = 500_000  # samples; a longer run gains more by machine code than the C compiler takes
 
 
 @dataclass(frozen=True)
@@ -27,14 +27,25 @@ class Chunk:
     """Samples in a row."""
 
     rows: Floats  # (samples, signals)
-    is_sound: bool  # every signal is known to be finite and every Dhat regular
+    is_sound: bool  # True: every signal is known to be finite and every Dhat regular
 
 
 Stepper = Callable[[ClosedLoop, Ensemble, Floats, Floats | None], Iterator[Chunk]]
 
 
+def stepper(backend: str) -> Stepper:
+    """The function that runs the steps of a loop on this backend.
+
+    Raises:
+        UnknownNameError: if there is no such backend.
+    """
+    if backend not in _STEPPERS:
+        raise UnknownNameError("backend", backend, _STEPPERS)
+    return _STEPPERS[backend]
+
+
 def _numpy_steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats | None) -> Iterator[Chunk]:
-    """One row of signals a step."""
+    """Yield one row of signals for each step."""
     model = loop.model.in_library("numpy")
     z = by_part(Layout(loop.states).unpack(robot.states[:, 0]))
     k = by_part(Layout(loop.values).unpack(robot.values[:, 0]))
@@ -46,7 +57,7 @@ def _numpy_steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats
 
 
 def _steps_of(backend: str, chunk: int) -> Stepper:
-    """Blocks of rows, by a kernel that runs the traced step."""
+    """Steps in chunks of this many samples, by a kernel that runs the traced step."""
 
     @functools.lru_cache(maxsize=32)
     def kernel_of(loop: ClosedLoop) -> Kernel:
@@ -65,13 +76,11 @@ def _steps_of(backend: str, chunk: int) -> Stepper:
 
 
 _casadi_steps = _steps_of("casadi", CHUNK)
-
-
 _compiled_if_possible_steps = _steps_of("auto", COMPILED_CHUNK)
 
 
 def _fastest_steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats | None) -> Iterator[Chunk]:
-    """Machine code where a long run pays for its building, else CasADi's virtual machine."""
+    """Machine code if the run is long enough to pay for building it, else CasADi's virtual machine."""
     return (_compiled_if_possible_steps if len(times) >= WORTH_BUILDING else _casadi_steps)(loop, robot, times, noise)
 
 
@@ -81,9 +90,3 @@ _STEPPERS: dict[str, Stepper] = {
     "compiled": _steps_of("compiled", COMPILED_CHUNK),
     "auto": _fastest_steps,
 }
-
-
-def stepper(backend: str) -> Stepper:
-    if backend not in _STEPPERS:
-        raise UnknownNameError("backend", backend, _STEPPERS)
-    return _STEPPERS[backend]

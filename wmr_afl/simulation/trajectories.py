@@ -15,18 +15,18 @@ from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.closed_loop import ClosedLoop
 
 DATASETS = {"x": "state", "u": "input", "e": "error", "theta_hat": "estimate"}  # signal of the loop -> name in the file
-
-
-SAMPLES = 1000  # of one run in one chunk of the file
+SAMPLES = 1000  # of one run in one chunk of the file, as many as a batch records at a time
 
 
 @contextmanager
 def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterator[Callable[..., None]]:
-    """Gives a function (robots, samples, rows) that writes signals; the file stands under its name once all is written.
+    """Yield a function (robots, samples, rows) that writes signals; the file gets its name once all is written.
 
     Datasets: time (T,), state (N, T, 2n-m), input (N, T, n_u), error (N, T, n-m), estimate (N, T, n_theta); their
-    attribute `names` tells the entries.
-    Raises: WmrError, where h5py is not installed or the file cannot be written; no half-written file stays.
+    attribute `names` lists the entries with units. If writing fails, no half-written file stays.
+
+    Raises:
+        WmrError: if h5py is not installed, or the file cannot be written.
     """
     try:
         import h5py
@@ -65,14 +65,14 @@ def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterat
             os.replace(unfinished, path)
     finally:
         if file is not None:
-            with suppress(OSError, RuntimeError):  # of a disk that is full, which was reported
+            with suppress(OSError, RuntimeError):  # a full disk was reported already
                 file.close()
         unfinished.unlink(missing_ok=True)
 
 
 @contextmanager
 def _one_line(path: Path) -> Iterator[None]:
-    """A disk that fails, in one line; HDF5 tells of some failures as RuntimeError and says much else besides."""
+    """Turn failures of the disk into one line; HDF5 raises some as RuntimeError with a text of many lines."""
     try:
         yield
     except (OSError, RuntimeError) as error:

@@ -92,15 +92,15 @@ def test_drawn_parts_stay_rigid_and_wheels_have_their_true_size(situation: Situa
 
 def test_a_run_becomes_pictures_that_move(robot: str, tmp_path: Path) -> None:
     run = short_run(f"track_{robot}")
-    told: list[tuple[int, int]] = []
-    file = animate(run, tmp_path / "run.gif", 10, progress=lambda done, total: told.append((done, total)))
-    assert told == [(1, 3), (2, 3), (3, 3)]
+    reported: list[tuple[int, int]] = []
+    file = animate(run, tmp_path / "run.gif", 10, progress=lambda done, total: reported.append((done, total)))
+    assert reported == [(1, 3), (2, 3), (3, 3)]
     with Image.open(file) as animation:
         assert animation.n_frames == 3
         pictures = []
         for picture in range(3):
             animation.seek(picture)
-            pictures.append(np.asarray(animation.convert("RGB"))[50:])  # below the title, which tells the time
+            pictures.append(np.asarray(animation.convert("RGB"))[50:])  # below the title, which shows the time
     assert all(np.any(one != other) for one, other in pairwise(pictures))
 
 
@@ -146,15 +146,15 @@ def test_a_robot_that_ran_away_or_has_no_point_as_output_is_drawn(tmp_path: Path
         ("run.gif", 10, 1e-6, ("600 pictures", "play at a speed of")),
     ],
 )
-def test_what_cannot_be_animated_is_told(
+def test_what_cannot_be_animated_is_reported(
     name: str, rate: int, speed: float, words: tuple[str, ...], tmp_path: Path
 ) -> None:
     (tmp_path / "folder.gif").mkdir()
     (tmp_path / "file").write_text("")
-    with pytest.raises(WmrError) as told:
+    with pytest.raises(WmrError) as caught:
         animate(short_run("study_1"), tmp_path / name, rate, speed)
-    assert all(word in str(told.value) for word in words)
-    assert "\n" not in str(told.value)
+    assert all(word in str(caught.value) for word in words)
+    assert "\n" not in str(caught.value)
 
 
 def test_an_mp4_takes_ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,14 +164,14 @@ def test_an_mp4_takes_ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("samples", [0, 1])
-def test_a_run_of_less_than_two_samples_is_told(samples: int, tmp_path: Path) -> None:
+def test_a_run_of_less_than_two_samples_is_reported(samples: int, tmp_path: Path) -> None:
     run = short_run("study_1")
     with pytest.raises(WmrError, match="too short for an animation"):
         animate(beginning(run, samples), tmp_path / "run.gif")
     assert animate(beginning(run, 2), tmp_path / "run.gif").is_file()
 
 
-def test_a_damaged_geometry_is_told() -> None:
+def test_a_damaged_geometry_is_reported() -> None:
     model = Situation("car").numpy
     model.metadata["geometry"]["wheels"]["front"]["x"] = "x + wheelbase"
     with pytest.raises(InputError, match=r"model\.json: geometry wheels front x: .*wheelbase.*derive the robot again"):

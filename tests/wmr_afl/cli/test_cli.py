@@ -1,4 +1,4 @@
-"""The command line does what it says, and ends in one line where it cannot."""
+"""The command line does what it says, or ends in one line if it cannot."""
 
 import json
 import os
@@ -31,18 +31,18 @@ def run(*arguments: object, cwd: Path = ROOT) -> subprocess.CompletedProcess[str
 @pytest.mark.parametrize(
     "verb", [[], ["models"], ["show"], ["derive"], ["check"], ["animate"], ["simulate"], ["reproduce"], ["campaign"]]
 )
-def test_help_tells_a_newcomer_what_there_is(verb: list[str]) -> None:
+def test_help_shows_a_newcomer_what_there_is(verb: list[str]) -> None:
     done = run(*verb, "--help")
     assert done.returncode == 0
     assert "Usage: wmr-afl" in done.stdout
 
 
-def test_a_loop_is_told_and_its_text_is_what_is_built() -> None:
-    told = run("show", "study_2", "--loop", "--controller", "robust AFL")
-    assert told.returncode == 0, told.stderr
-    assert "a_hat (2)" in told.stdout
-    lines = int(re.search(r"(\d+) lines for each step and robot", told.stdout)[1])
-    operations = int(re.search(r"operations of a step +(\d+)", told.stdout)[1])
+def test_a_loop_is_described_and_its_text_is_what_is_built() -> None:
+    described = run("show", "study_2", "--loop", "--controller", "robust AFL")
+    assert described.returncode == 0, described.stderr
+    assert "a_hat (2)" in described.stdout
+    lines = int(re.search(r"(\d+) lines for each step and robot", described.stdout)[1])
+    operations = int(re.search(r"operations of a step +(\d+)", described.stdout)[1])
     assert 0.5 * operations < lines < operations
     text = run("show", "study_2", "--code", "--controller", "robust AFL").stdout
     loaded = load_experiment("study_2")
@@ -51,7 +51,7 @@ def test_a_loop_is_told_and_its_text_is_what_is_built() -> None:
     assert (wrong.returncode, len(wrong.stderr.splitlines())) == (2, 1)
 
 
-def test_the_version_is_told() -> None:
+def test_the_version_is_printed() -> None:
     assert run("--version").stdout.startswith("wmr-afl ")
 
 
@@ -73,7 +73,7 @@ def test_models_lists_the_catalogue() -> None:
         assert name in out
 
 
-def test_show_tells_what_was_found() -> None:
+def test_show_prints_what_was_found() -> None:
     out = run("show", "type_2_0").stdout
     for word in ("theta6", "2*K2/(r**2*(m_C + 2*m_w))", "completely nonholonomic", "-2*L*theta5*theta6", "look-ahead"):
         assert word in out
@@ -108,7 +108,7 @@ def test_simulate_writes_samples_metrics_and_figures(tmp_path: Path) -> None:
     assert {path.stem for path in folder.glob("*.png")} == pictures == {path.stem for path in folder.glob("*.svg")}
 
 
-def test_a_failed_run_is_told_and_keeps_its_samples(tmp_path: Path) -> None:
+def test_a_failed_run_is_reported_and_keeps_its_samples(tmp_path: Path) -> None:
     text = (EXPERIMENTS / "study_1.toml").read_text()
     wild = tmp_path / "wild.toml"
     wild.write_text(text.replace("lower = 0.1", "lower = 1e-14").replace("duration = 140.0", "duration = 2.0"))
@@ -162,7 +162,7 @@ def test_what_there_is_not_ends_in_one_line_and_status_2(arguments: list[str], w
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = run("reproduce", "fig5", "--out", tmp_path / "file")
     assert done.returncode == 2

@@ -156,7 +156,7 @@ def test_leakage_pulls_each_estimate_by_its_own_rate() -> None:
 
 @pytest.mark.parametrize("sees_applied", [False, True])
 def test_adaptation_sees_the_commanded_or_the_applied_input(sees_applied: bool) -> None:
-    """theta_hat' = Gamma W^T E1 with W at the one or the other, where saturation makes them differ."""
+    """theta_hat' = Gamma W^T E1 with W at the one or the other, which saturation makes differ."""
     model = load_model("type_2_0")
     p = model.parameters()
     adaptation = GradientAdaptation(6, 1.0, sees_applied=sees_applied)

@@ -53,6 +53,6 @@ def test_the_papers_circle_and_eight() -> None:
 
 
 @pytest.mark.parametrize("text", ["x + t", "t +", "__import__('os')", "t**1000"])
-def test_what_is_no_expression_of_time_is_refused(text: str) -> None:
+def test_what_is_not_an_expression_of_time_is_refused(text: str) -> None:
     with pytest.raises(ExpressionError):
         Reference({"y1": text})

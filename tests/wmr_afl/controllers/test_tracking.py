@@ -1,4 +1,4 @@
-"""Every robot tracks its reference: exactly with its own parameters, adaptively where it has a forward form."""
+"""Every robot tracks its reference: exactly with its own parameters, adaptively if it has a forward form."""
 
 from dataclasses import replace
 

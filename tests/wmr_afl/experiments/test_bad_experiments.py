@@ -123,7 +123,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
-def test_a_mistake_is_told_with_its_place(mistake: str, tmp_path: Path) -> None:
+def test_a_mistake_is_reported_with_its_place(mistake: str, tmp_path: Path) -> None:
     old, new, words = MISTAKES[mistake]
     assert old in GOOD, "the test itself must change something"
     path = tmp_path / "experiment.toml"

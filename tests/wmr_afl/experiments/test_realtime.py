@@ -32,7 +32,7 @@ def failing(*arguments: object, **options: object) -> None:
     raise CompilerError("no C compiler was found")
 
 
-def test_it_starts_again_where_it_is_told_to() -> None:
+def test_after_a_reset_it_starts_again() -> None:
     controller = Controller.from_experiment("study_1")
     first = [controller.update(0.02 * k, [15.0, 25.0, 0.1, 0.2, 0.0]) for k in range(5)]
     controller.reset()
@@ -60,7 +60,7 @@ def test_inputs_stay_within_their_limits() -> None:
 
 
 @pytest.mark.parametrize("has_compiler", [True, False])
-def test_what_cannot_be_controlled_is_told_and_changes_nothing(
+def test_what_cannot_be_controlled_is_reported_and_changes_nothing(
     has_compiler: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not has_compiler:

@@ -79,7 +79,7 @@ def test_casadi_functions_inline_and_have_names() -> None:
         (lambda m: m.parameters(r=float("nan")), ["r", "finite"]),
     ],
 )
-def test_a_wrong_shape_tells_the_expected_one(backend, call, words) -> None:
+def test_a_wrong_shape_names_the_expected_one(backend, call, words) -> None:
     with pytest.raises(ShapeError) as caught:
         call(load_model("type_2_0", backend))
     for word in words:
@@ -94,7 +94,7 @@ def test_casadi_does_not_broadcast_a_wrong_shape() -> None:
             model.output(wrong, [0.1])
 
 
-def test_batches_that_do_not_fit_are_told() -> None:
+def test_batches_that_do_not_fit_are_reported() -> None:
     with pytest.raises(ShapeError, match="do not fit"):
         load_model("type_2_0").output(np.zeros((2, 3)), np.zeros((3, 1)))
 
@@ -115,7 +115,7 @@ def test_an_unknown_name_lists_what_there_is(call, words) -> None:
 
 
 @pytest.mark.parametrize("damage", ["missing module", "broken module", "broken json", "empty json"])
-def test_a_damaged_folder_is_told(tmp_path: Path, damage: str) -> None:
+def test_a_damaged_folder_is_reported(tmp_path: Path, damage: str) -> None:
     folder = tmp_path / "mine"
     shutil.copytree(ROOT / "generated" / "type_2_0", folder)
     if damage == "missing module":
@@ -133,13 +133,13 @@ def test_a_damaged_folder_is_told(tmp_path: Path, damage: str) -> None:
 def test_a_missing_term_says_why(tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     shutil.copytree(ROOT / "generated" / "type_2_0", folder)
-    module, told = folder / "numpy_model.py", folder / "model.json"
+    module, metadata = folder / "numpy_model.py", folder / "model.json"
     module.write_text(module.read_text().replace("def regressor(", "def other("))
     with pytest.raises(InputError, match="has no regressor; derive"):
         load_model(folder)
-    content = json.loads(told.read_text())
+    content = json.loads(metadata.read_text())
     del content["functions"]["regressor"]
-    told.write_text(json.dumps(content))
+    metadata.write_text(json.dumps(content))
     with pytest.raises(MissingTermError, match="no regressor"):
         load_model(folder).regressor(np.zeros(5), np.zeros(2), [0.1])
 

@@ -36,7 +36,7 @@ def experiment(tmp_path: Path, uncertainties: str, duration: float = 3.0) -> Pat
     text = (Path(wmr_afl.__file__).parent / "experiments" / "catalogue" / "study_1.toml").read_text()
     path = tmp_path / "one.toml"
     text = text.replace("duration = 140.0", f"duration = {duration}")
-    text = text.replace("lower = 0.1", "lower = 0.5")  # which stands a delay
+    text = text.replace("lower = 0.1", "lower = 0.5")  # with which a delay is tolerated
     path.write_text(text.replace("[shared]", f"[uncertainties]\n{uncertainties}\n\n[shared]", 1))
     return path
 
@@ -159,7 +159,7 @@ def test_inputs_and_commands_are_both_logged(tmp_path: Path) -> None:
         ("gremlins = 1", ["gremlins", "friction"]),
     ],
 )
-def test_a_mistake_in_an_uncertainty_is_told(uncertainty: str, words: list[str], tmp_path: Path) -> None:
+def test_a_mistake_in_an_uncertainty_is_reported(uncertainty: str, words: list[str], tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         wmr_afl.run(experiment(tmp_path, uncertainty))
     for word in words:

@@ -1,4 +1,4 @@
-"""Closed loops: both libraries agree, integrators converge, failures are told and keep what came before."""
+"""Closed loops: both libraries agree, integrators converge, failures are reported and keep what came before."""
 
 from dataclasses import replace
 from pathlib import Path

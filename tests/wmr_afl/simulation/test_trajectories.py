@@ -75,7 +75,7 @@ def test_a_full_disk_leaves_no_half_written_file(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_place_that_cannot_be_written_is_told_before_the_work(tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_is_reported_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(WmrError, match=r"runs.h5: cannot be written"):
         wmr_afl.run_batch("study_1", scale={"m_C": [1.0]}, trajectories=tmp_path / "nowhere" / "runs.h5")
 

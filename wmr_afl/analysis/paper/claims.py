@@ -1,4 +1,4 @@
-"""What the paper claims of its studies, beside what was measured here."""
+"""The paper's claims about its studies, each judged by what was measured here."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wmr_afl.analysis.metrics import SETTLED
 from wmr_afl.analysis.plots import Runs
 from wmr_afl.errors import SimulationError
 from wmr_afl.simulation.result import Run
@@ -46,7 +47,7 @@ def _rms_below(name: str, bound: float, since: float = 0.0) -> Callable[[Runs], 
 
 
 def _some_rms_above(name: str, bound: float, since: float = 0.0) -> Callable[[Runs], tuple[str, bool]]:
-    """A run that fails has lost its stability, which is what the claim says."""
+    """A run that fails has lost its stability, as the claim says."""
 
     def measure(runs: Runs) -> tuple[str, bool]:
         if runs[name].failure is not None:
@@ -58,11 +59,11 @@ def _some_rms_above(name: str, bound: float, since: float = 0.0) -> Callable[[Ru
 
 
 def _settled(runs: Runs) -> tuple[str, bool]:
-    """No estimate's largest size grows by more than a twentieth in the last two sevenths of a run."""
+    """The largest size of all estimates grows by less than a twentieth once a run has settled."""
     texts, settled = [], all(run.failure is None for run in runs.values())
     for name, run in runs.items():
         if len(run.time) and np.ptp(run.estimate, axis=0).any():
-            late = run.time > 5.0 / 7.0 * run.time[-1]
+            late = run.time > SETTLED * run.time[-1]
             before, after = (np.abs(run.estimate[rows]).max(initial=0.0) for rows in (~late, late))
             texts.append(f"{name}: {before:.3g} before the last 40 s, {after:.3g} in them")
             settled = settled and bool(after < 1.05 * before)

@@ -11,7 +11,7 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from wmr_afl.analysis.excitation import excitation
-from wmr_afl.analysis.metrics import metrics
+from wmr_afl.analysis.metrics import SETTLED, metrics
 from wmr_afl.analysis.paper.claims import CLAIMS
 from wmr_afl.analysis.paper.figures import FIGURES
 from wmr_afl.analysis.paper.robustness import Row
@@ -24,9 +24,10 @@ _ENVIRONMENT = Environment(loader=FileSystemLoader(Path(__file__).parent), undef
 
 
 def write_report(studies: Mapping[str, Runs], pictures: Mapping[str, Path], beyond: Sequence[Row], path: Path) -> Path:
-    """Writes the page on these studies; `pictures`: PNG files by the figures' names.
+    """Write the page on these studies; `pictures`: PNG files by the figures' names.
 
-    Raises: WmrError, where it cannot be written.
+    Raises:
+        WmrError: if it cannot be written.
     """
     parts = [_study(name, runs, pictures) for name, runs in studies.items()]
     text = _ENVIRONMENT.get_template("report.html.jinja").render(studies=parts, beyond=list(beyond))
@@ -45,7 +46,7 @@ def _study(name: str, runs: Runs, pictures: Mapping[str, Path]) -> dict[str, Any
         "source": experiment.source,
         "text": path.read_text(encoding="utf-8"),
         "verdicts": [claim.judge(runs) for claim in CLAIMS if claim.experiment == name],
-        "settled_since": f"{experiment.simulation.duration * 5.0 / 7.0:g}",
+        "settled_since": f"{SETTLED * experiment.simulation.duration:g}",
         "metrics": [_metrics(run) for run in runs.values()],
         "figures": [
             {
@@ -78,7 +79,7 @@ def _metrics(run: Run) -> dict[str, str]:
 
 
 def _excitation(runs: Runs) -> dict[str, Any] | None:
-    """What the reference lets be known, from the first controller's run after its start; None where it failed."""
+    """What the reference determines, from the first controller's run without its first 20 s; None if it failed."""
     run = next(iter(runs.values()))
     theta = np.asarray(run.model.base_parameters(run.parameters))
     try:

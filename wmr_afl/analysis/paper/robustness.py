@@ -1,4 +1,4 @@
-"""Beyond the paper: which controller keeps what error when something else goes wrong."""
+"""Beyond the paper: the error of each controller if something else goes wrong."""
 
 from __future__ import annotations
 
@@ -19,10 +19,8 @@ from wmr_afl.simulation.batch import rms_of_many
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.simulate import simulate
 
-RANDOM_ROBOTS = 100
-
-
-SPREAD = 0.3  # of every parameter of a random robot, uniformly to both sides
+RANDOM_ROBOTS = 100  # enough for a mean and a worst case, few enough to be assembled one by one
+SPREAD = 0.3  # of every parameter of a random robot, relative, uniform to both sides
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def _metres(values: np.ndarray) -> str:
 
 
 def _random_robots(experiment: Experiment, path: Path, seed: int) -> Iterator[tuple[str, str]]:
-    """Each robot has its own parameters; what the controller may know (look-ahead, wheelbase) it knows of each."""
+    """Each robot has its own parameters; the controller knows the known constants (look-ahead, wheelbase) of each."""
     random = np.random.default_rng(seed)
     model = _model(experiment, path)
     base = dict(zip(model.parameter_units, model.parameters(**experiment.parameters).tolist(), strict=True))

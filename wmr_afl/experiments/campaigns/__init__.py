@@ -1,4 +1,4 @@
-"""Campaigns: many runs drawn from distributions, block by block, here or on a cluster, interrupted and gone on with."""
+"""Campaigns: many runs drawn from distributions, in blocks, here or on a cluster; continued if interrupted."""
 
 from wmr_afl.experiments.campaigns.result import CampaignResult
 from wmr_afl.experiments.campaigns.runner import campaign, replay

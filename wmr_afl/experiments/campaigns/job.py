@@ -1,4 +1,4 @@
-"""A campaign as one parcel that any process can run blocks of, on this machine or another."""
+"""A campaign as one object, of which any process on any machine can run blocks."""
 
 from __future__ import annotations
 
@@ -30,15 +30,18 @@ from wmr_input.errors import mistakes_at
 
 Columns = dict[str, NDArray[Any]]  # results and draws of a block's runs, one row a run
 
+# Loops by fingerprint; the folder holds the model's files for as long as the loop may read them.
+_ASSEMBLED: dict[str, tuple[ClosedLoop, tempfile.TemporaryDirectory[str]]] = {}
+
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """All that a worker needs to know; `fingerprint` tells by content what its numbers depend on."""
+    """All that a worker needs to know; `fingerprint` is a digest of everything that the numbers depend on."""
 
     experiment: Experiment
     table: CampaignTable
     controller: str
-    model_files: Mapping[str, str]  # name -> text, where the model does not come with the package
+    model_files: Mapping[str, str]  # name -> text, if the model does not come with the package
     backend: str
     fingerprint: str
 
@@ -46,7 +49,9 @@ class Job:
 def prepare(experiment: str | Path, controller: str | None = None, backend: str = "auto") -> Job:
     """The campaign of an experiment, every name in it checked.
 
-    Raises: InputError, UnknownNameError.
+    Raises:
+        InputError: if the file has a mistake or no [campaign], or there is no such controller.
+        UnknownNameError: if there is no such experiment or backend.
     """
     if backend not in KERNELS:
         raise UnknownNameError("backend of a campaign", str(backend), KERNELS)
@@ -64,7 +69,7 @@ def prepare(experiment: str | Path, controller: str | None = None, backend: str 
     files = {}
     if not is_shipped(loop.model.folder):
         files = {file.name: file.read_text(encoding="utf-8") for file in sorted(loop.model.folder.glob("*model.*"))}
-    if backend == "auto":  # one way for all blocks, whoever runs them
+    if backend == "auto":  # one backend for all blocks, on every machine
         backend = "compiled" if isinstance(kernel_of(loop, "auto", False), CompiledKernel) else "casadi"
     job = Job(described, table, name, files, backend, _fingerprint(described, table, name, loop, backend))
     with mistakes_at(path, "[campaign]"):
@@ -106,7 +111,8 @@ def ensemble_of(job: Job, loop: ClosedLoop, block: int, count: int) -> tuple[Col
 def loop_of(job: Job) -> ClosedLoop:
     """The closed loop of a job, assembled once in a process.
 
-    Raises: WmrError, where this process would compute other numbers than the one that made the job.
+    Raises:
+        WmrError: if this process would compute other numbers than the process that made the job.
     """
     if job.fingerprint not in _ASSEMBLED:
         folder = tempfile.TemporaryDirectory()
@@ -115,10 +121,6 @@ def loop_of(job: Job) -> ClosedLoop:
             raise WmrError("this process has another version of the model or of wmr_afl", "install the same everywhere")
         _ASSEMBLED[job.fingerprint] = loop, folder
     return _ASSEMBLED[job.fingerprint][0]
-
-
-# By fingerprint; the folder holds the model's files as long as the loop may read them.
-_ASSEMBLED: dict[str, tuple[ClosedLoop, tempfile.TemporaryDirectory[str]]] = {}
 
 
 def _assemble(job: Job, folder: Path) -> ClosedLoop:
@@ -132,7 +134,7 @@ def _assemble(job: Job, folder: Path) -> ClosedLoop:
 
 
 def _fingerprint(experiment: Experiment, table: CampaignTable, controller: str, loop: ClosedLoop, backend: str) -> str:
-    """Of everything that the numbers depend on: the loop's own C text, its start, its values, and the draws."""
+    """The digest of what the numbers depend on: the loop's C text, its start, its values, and the draws."""
     numbers = Layout(loop.states).pack(loop.states).tobytes() + Layout(loop.values).pack(loop.values).tobytes()
     parts = (
         kernel_text(trace(loop), watched_signals(loop), LANES, False)[0],

@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 
 from wmr_afl.errors import WmrError
 
-Columns = dict[str, NDArray[Any]]
-
-
-_IDENTITY = "of campaign and block"  # in every file of a block
+Columns = dict[str, NDArray[Any]]  # by name, one row a run
+_IDENTITY = "of campaign and block"  # key in every file of a block: fingerprint and number
 
 
 class Ledger:
-    """The blocks that are finished of the campaign with this fingerprint.
+    """The finished blocks of the campaign with this fingerprint.
 
-    Raises: WmrError, where the folder holds another campaign or cannot be written.
+    Raises:
+        WmrError: if the folder holds another campaign or cannot be written.
     """
 
     def __init__(self, folder: Path, fingerprint: str) -> None:
@@ -43,21 +42,22 @@ class Ledger:
             self._write(self._note, json.dumps({"fingerprint": fingerprint}).encode())
 
     def read(self, block: int, count: int) -> Columns | None:
-        """A block's first `count` runs; none where they are not finished, or the file is damaged."""
+        """A block's first `count` runs; None if they are not finished or the file is damaged."""
         try:
             with np.load(io.BytesIO(self._place(block).read_bytes()), allow_pickle=False) as file:
                 columns = {name: file[name] for name in file.files}
             if str(columns.pop(_IDENTITY)) != f"{self.fingerprint}:{block}":
                 return None
-        except Exception:  # whatever a damaged file may bring about
+        except Exception:  # a damaged file may raise anything
             return None
         enough = bool(columns) and all(len(column) >= count for column in columns.values())
         return {name: column[:count] for name, column in columns.items()} if enough else None
 
     def write(self, block: int, columns: Columns) -> None:
-        """Keeps a finished block.
+        """Keep a finished block.
 
-        Raises: WmrError, where there is no room.
+        Raises:
+            WmrError: if the folder cannot be written, for example if the disk is full.
         """
         content = io.BytesIO()
         identity = np.array(f"{self.fingerprint}:{block}")
@@ -68,7 +68,7 @@ class Ledger:
         return self.folder / f"block_{block:06d}.npz"
 
     def _write(self, path: Path, content: bytes) -> None:
-        """Beside the target, to the disk, and then in its place at once."""
+        """Write a file beside the target, flush it to the disk, and rename it: the target is never half written."""
 
         def write() -> None:
             name = self.folder / f".unfinished-{os.getpid()}-{path.name}"
@@ -95,9 +95,10 @@ class Ledger:
 
 
 def clear(folder: Path) -> None:
-    """Removes the files of a campaign, and nothing else.
+    """Remove the files of a campaign, and nothing else.
 
-    Raises: WmrError, where they cannot be removed.
+    Raises:
+        WmrError: if they cannot be removed.
     """
     try:
         for path in [*folder.glob("block_*.npz"), *folder.glob(".unfinished-*"), folder / "campaign.json"]:

@@ -1,4 +1,4 @@
-"""What a campaign comes to: success rates, quantiles, worst cases."""
+"""The result of a campaign: success rate, quantiles, worst runs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wmr_afl.experiments.distributions import SuccessTable
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.batch import BatchResult
 
-LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
+LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99)  # of the quantiles that are printed and saved
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,11 @@ class CampaignResult:
         return wilson(int(np.count_nonzero(self.succeeded)), len(self), confidence)
 
     def quantiles(self, levels: Sequence[float] = LEVELS) -> dict[str, Floats]:
-        """Quantiles of what each run came to, by name, (levels,); a failed run's errors count as infinite."""
+        """Quantiles of the measures of all runs, by name, (levels,); a failed run's measures count as infinite."""
         return {name: np.quantile(values, levels, method="higher") for name, values in self.measures().items()}
 
     def measures(self) -> dict[str, Floats]:
-        """What each run came to, by name and unit, (N,)."""
+        """Largest and RMS errors, inputs and estimates of every run, by name and unit, (N,) each."""
         columns = {}
         for what, label in (("rms", "RMS error"), ("largest_error", "largest error")):
             for index, (output, unit) in enumerate(self.outputs.items()):
@@ -65,7 +65,7 @@ class CampaignResult:
         return np.lexsort((np.arange(len(self)), -self.runs.rms.max(axis=1), early))[:count]
 
     def describe(self, index: int) -> dict[str, Any]:
-        """One run: what it drew and what it came to."""
+        """One run: what it drew, when it failed, and its measures."""
         failure = self.runs.failure_time[index]
         return {
             "run": int(index),
@@ -75,7 +75,7 @@ class CampaignResult:
         }
 
     def summary(self) -> dict[str, Any]:
-        """All of it in numbers that JSON takes; infinite errors are null."""
+        """The whole result in types that JSON has; infinite measures are null."""
         rate, low, high = self.success_rate()
         return {
             "controller": self.controller,
@@ -94,7 +94,7 @@ class CampaignResult:
 
 
 def wilson(successes: int, trials: int, confidence: float) -> tuple[float, float, float]:
-    """A share and its bounds at a confidence (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927)."""
+    """The share of successes and its bounds at this confidence (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927)."""
     z, share = NormalDist().inv_cdf(0.5 + 0.5 * confidence), successes / trials
     middle = (share + z * z / (2 * trials)) / (1 + z * z / trials)
     half = z / (1 + z * z / trials) * np.sqrt(share * (1 - share) / trials + z * z / (4 * trials * trials))

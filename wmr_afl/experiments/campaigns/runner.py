@@ -18,7 +18,7 @@ from wmr_afl.simulation.batch import BatchResult
 from wmr_afl.simulation.result import Run
 from wmr_afl.simulation.simulate import simulate
 
-MOST_RUNS = 10_000_000  # whose summaries still fit into a small machine's memory
+MOST_RUNS = 10_000_000  # whose summaries of about 13 doubles each take 1 GB of memory
 
 
 def campaign(
@@ -32,11 +32,15 @@ def campaign(
     fresh: bool = False,
     progress: Callable[[int], None] = lambda done: None,
 ) -> CampaignResult:
-    """Runs what the [campaign] of an experiment draws; `progress` is called with the number of runs done.
+    """Run what the [campaign] of an experiment draws; `progress` is called with the number of runs that were done.
 
     `out`: a folder that keeps finished blocks, from which the same call goes on after an interruption; `fresh` begins
     anew there. `scheduler`: address of a Dask scheduler, tcp://HOST:PORT, whose workers run the blocks.
-    Raises: InputError, UnknownNameError; WmrError, where the folder or the scheduler fails.
+
+    Raises:
+        InputError: if the file has a mistake, or there is no such controller.
+        UnknownNameError: if there is no such experiment or backend.
+        WmrError: if the number of runs is out of range, or the folder or the scheduler fails.
     """
     if not 1 <= runs <= MOST_RUNS:
         raise WmrError(f"{runs} runs", f"choose 1 to {MOST_RUNS}")
@@ -79,9 +83,12 @@ def _gathered(job: Job, blocks: list[Columns]) -> CampaignResult:
 
 
 def replay(experiment: str | Path, index: int, controller: str | None = None, backend: str = "auto") -> Run:
-    """One run of a campaign with all its samples.
+    """Run one run of a campaign again, with all its samples.
 
-    Raises: InputError, UnknownNameError; WmrError, where there is no such run.
+    Raises:
+        InputError: if the file has a mistake, or there is no such controller.
+        UnknownNameError: if there is no such experiment or backend.
+        WmrError: if there is no such run.
     """
     if not 0 <= index < MOST_RUNS:
         raise WmrError(f"there is no run {index}", "runs are counted from 0")

@@ -1,4 +1,4 @@
-"""Who runs the blocks of a campaign: this process, or the workers of a Dask cluster. The numbers are the same."""
+"""The blocks of a campaign, run by this process or by the workers of a Dask cluster. The numbers are the same."""
 
 from __future__ import annotations
 
@@ -12,16 +12,10 @@ from numpy.typing import NDArray
 from wmr_afl.errors import BackendWarning, WmrError
 from wmr_afl.experiments.campaigns.job import Job, run_block
 
-Columns = dict[str, NDArray[Any]]
-
-
-Finished = Iterator[tuple[int, Columns]]
-
-
+ANSWER = 10.0  # [s] to wait for a scheduler; enough for a slow network
+Columns = dict[str, NDArray[Any]]  # by name, one row a run
+Finished = Iterator[tuple[int, Columns]]  # number of a block, its results
 Wanted = Sequence[tuple[int, int]]  # number of a block, how many of its runs
-
-
-ANSWER = 10.0  # [s] to wait for a scheduler
 
 
 def here(job: Job, wanted: Wanted, threads: int) -> Finished:
@@ -31,9 +25,10 @@ def here(job: Job, wanted: Wanted, threads: int) -> Finished:
 
 
 def on_cluster(job: Job, wanted: Wanted, threads: int, scheduler: str) -> Finished:
-    """Blocks as workers finish them; what a worker that dies had begun, another begins anew.
+    """Blocks in the order in which workers finish them; if a worker dies, another one begins its block again.
 
-    Raises: WmrError, where no scheduler answers, it is lost on the way, or a worker cannot do the work.
+    Raises:
+        WmrError: if no scheduler answers, the connection is lost, or a worker fails.
     """
     try:
         import distributed
@@ -62,7 +57,7 @@ def on_cluster(job: Job, wanted: Wanted, threads: int, scheduler: str) -> Finish
 
 
 def _at_a_worker(error: BaseException, block: int) -> WmrError:
-    """What went wrong at a worker."""
+    """An error that was raised at a worker, as one line with its remedy."""
     if isinstance(error, WmrError):
         return error
     if isinstance(error, ModuleNotFoundError):

@@ -5,5 +5,4 @@ from wmr_afl.model.laws.law import Law, Situation
 
 LAWS: tuple[Law, ...] = (*mechanics.LAWS, *linearization.LAWS, *parametrization.LAWS, *code.LAWS)
 
-
 __all__ = ["LAWS", "Law", "Situation"]

@@ -1,4 +1,4 @@
-"""Laws of the generated code: both libraries agree, batches agree with single states, Jacobians with differences."""
+"""Laws of the generated code: both libraries agree, batches agree with single calls, Jacobians with differences."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _libraries_agree(s: Situation) -> float:
 def _entrywise(value: Floats, expected: Floats) -> float:
     """Largest difference relative to the entry's own largest size over the batch.
 
-    What an entry may owe to the rounding of larger ones, from which it is left by cancellation, does not count.
+    A small entry that is left by the cancellation of larger ones carries their rounding errors; these do not count.
     """
     if not value.size:
         return 0.0
@@ -31,7 +31,7 @@ def _entrywise(value: Floats, expected: Floats) -> float:
 
 
 def _batches_agree(s: Situation) -> float:
-    """Leading shapes (), (2, 2), (0,), (3, 0) and broadcasting give what one by one gives."""
+    """Leading shapes (), (2, 2), (0,), (3, 0) and broadcasting give the same as one call for each row."""
     worst = 0.0
     for name, function in s.casadi.functions().items():
         term = getattr(s.numpy, name)

@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike
 from wmr_afl.model.model import Model, load_model
 from wmr_afl.numerics.arrays import Floats
 
-CLOSE = 30.0  # times worse conditioned than usual: too close to a singular configuration to measure anything
+CLOSE = 30.0  # times the median condition number; above, rounding hides what a law measures
 
 
 @dataclass(frozen=True)
 class Law:
-    """`deviation(situation)` is zero but for rounding, at most `tolerance`; `applies` tells to which models."""
+    """`deviation(situation)` is zero except for rounding, at most `tolerance`; `applies` says to which models."""
 
     name: str
     statement: str
@@ -49,7 +49,7 @@ class Situation:
         self.c = self.numpy.known(self.p)
 
     def _regular(self, candidates: Floats, count: int) -> Floats:
-        """The first configurations that are not close to where S, Mbar or D fail, for there every digit is lost."""
+        """The first `count` configurations that are not close to a singular S, Mbar or D, where every digit is lost."""
         p = self.numpy.parameters()
         with np.errstate(all="ignore"):
             matrices = [self.numpy.inertia_matrix(candidates, p), self.numpy.kinematic_matrix(candidates, p)]
@@ -100,17 +100,12 @@ class Situation:
         return self.casadi.functions()[term]
 
 
-def _condition(matrices: Floats) -> Floats:
-    """How far each matrix is from losing rank: largest over smallest singular value; inf where it is not finite."""
-    finite: Any = np.isfinite(matrices).all(axis=(-2, -1))
-    whole: Any = np.where(finite[..., None, None], matrices, 0.0)
-    values: Any = np.linalg.svd(whole, compute_uv=False)
-    regular = finite & (values[..., -1] > 0)
-    return np.asarray(np.where(regular, values[..., 0] / np.maximum(values[..., -1], 1e-300), np.inf))
-
-
 def relative(value: ArrayLike, expected: ArrayLike) -> float:
-    """Largest difference over the largest expected entry, or over 1 where all are smaller."""
+    """Largest difference over the largest expected entry, or over 1 if all are smaller.
+
+    Raises:
+        ValueError: if the shapes differ.
+    """
     value, expected = np.asarray(value, dtype=float), np.asarray(expected, dtype=float)
     if value.shape != expected.shape:
         raise ValueError(f"shapes {value.shape} and {expected.shape} differ")
@@ -126,4 +121,14 @@ def times(matrix: Any, vector: Any) -> Floats:
 
 
 def transposed(matrix: Floats) -> Floats:
+    """The transposed matrix, over batches."""
     return np.swapaxes(matrix, -1, -2)
+
+
+def _condition(matrices: Floats) -> Floats:
+    """How far each matrix is from losing rank: largest over smallest singular value; inf if it is not finite."""
+    finite: Any = np.isfinite(matrices).all(axis=(-2, -1))
+    whole: Any = np.where(finite[..., None, None], matrices, 0.0)
+    values: Any = np.linalg.svd(whole, compute_uv=False)
+    regular = finite & (values[..., -1] > 0)
+    return np.asarray(np.where(regular, values[..., 0] / np.maximum(values[..., -1], 1e-300), np.inf))

@@ -83,8 +83,8 @@ def _determinant(s: Situation) -> float:
     return relative(np.linalg.det(matrix) / reported, np.ones(len(s.x)))
 
 
-def _tells_determinant(model: Model) -> bool:
-    """Long denominators are not told."""
+def _reports_determinant(model: Model) -> bool:
+    """False if the determinant has a denominator Delta that is too long to be reported."""
     found = model.findings
     return "Delta" not in found["det_decoupling_matrix"] or found["det_denominator"] is not None
 
@@ -102,7 +102,7 @@ _OF_OUTPUTS = (
         _exact_cancellation,
     ),
     Law("known parameters", "with known parameters adaptive and exact control coincide", 1e-10, _known_parameters),
-    Law("determinant", "det D is the reported product of factors", 1e-9, _determinant, _tells_determinant),
+    Law("determinant", "det D is the reported product of factors", 1e-9, _determinant, _reports_determinant),
 )
 
 

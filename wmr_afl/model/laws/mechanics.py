@@ -15,7 +15,7 @@ def _constraints_hold(s: Situation) -> float:
 
 
 def _full_rank(s: Situation) -> float:
-    """Zero where every matrix has full rank with a margin."""
+    """Zero if every matrix has full rank with a margin."""
     smallest = []
     for matrix in (s.numpy.kinematic_matrix(s.q, s.p), transposed(s.numpy.constraint_matrix(s.q, s.p))):
         if matrix.shape[-1]:
@@ -44,7 +44,7 @@ def _inertia_rate(s: Situation) -> Floats:
 
 
 def _damping(s: Situation) -> Floats:
-    """Back-EMF's share in Cbar: what remains at rest, for the rest is linear in v."""
+    """Back-EMF's share in Cbar: what remains at v = 0, because all else is linear in v."""
     return s.numpy.coriolis_matrix(np.hstack([s.q, 0.0 * s.v]), s.p)
 
 

@@ -38,10 +38,10 @@ def _inverse_minimal(s: Situation) -> float:
 
 
 def _many(s: Situation, inputs: int) -> tuple[Floats, Floats, Floats]:
-    """Many states and inputs at one choice of the known constants."""
+    """Many states and inputs for the same known constants: x (count, 2n-m), (count, inputs), c (n_c,)."""
     random, count = np.random.default_rng(1), 400
     x = random.normal(size=(count, s.x.shape[1]))
-    generic = np.where(s.c[0] == 0.0, random.uniform(0.5, 1.5, s.c[0].shape), s.c[0])  # zero is a special length
+    generic = np.where(s.c[0] == 0.0, random.uniform(0.5, 1.5, s.c[0].shape), s.c[0])  # at zero columns may vanish
     return x, random.normal(size=(count, inputs)), generic
 
 

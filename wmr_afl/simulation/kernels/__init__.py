@@ -1,1 +1,1 @@
-"""How a traced step is run: as machine code, or by CasADi's virtual machine."""
+"""Kernels: a traced step, run as machine code or by CasADi's virtual machine."""

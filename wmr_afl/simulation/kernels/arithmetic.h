@@ -4,13 +4,13 @@
 /* A call that stays would keep the loop around it from being vectorized. */
 #define ALWAYS_INLINE static inline __attribute__((always_inline))
 
-#define LARGEST_ANGLE 1.0e8 /* beyond, libm takes over */
+#define LARGEST_ANGLE 1.0e8 /* [rad]; beyond, the reduction below loses digits and libm takes over */
 ALWAYS_INLINE int is_far(double x) { return fabs(x) > LARGEST_ANGLE && fabs(x) < INFINITY; }
 
-/* One instruction each: the larger or smaller of both, b where either is no number. */
+/* One instruction each: the larger or smaller of both, b if either is not a number. */
 ALWAYS_INLINE double larger_or(double a, double b) { return a > b ? a : b; }
 ALWAYS_INLINE double smaller_or(double a, double b) { return a < b ? a : b; }
-/* The same, where a that is no number stays. */
+/* The same, but a if a is not a number. */
 ALWAYS_INLINE double larger(double a, double b) { const double r = larger_or(a, b); return a == a ? r : a; }
 ALWAYS_INLINE double smaller(double a, double b) { const double r = smaller_or(a, b); return a == a ? r : a; }
 ALWAYS_INLINE double sign(double a) { const double r = a < 0.0 ? -1.0 : a; return a > 0.0 ? 1.0 : r; }

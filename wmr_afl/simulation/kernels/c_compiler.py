@@ -16,9 +16,9 @@ from pathlib import Path
 
 from wmr_afl.errors import BackendWarning, CompilerError
 
-# No -ffast-math, which would drop NaN and reorder sums. A product and a sum may be fused, which rounds once instead of
-# twice. Nobody looks at errno or at floating point exceptions; without saying so, loops with comparisons are not
-# vectorized. Only loops over robots shall be: vectors made of one robot's numbers make it twice as slow.
+# No -ffast-math, which would drop NaN and reorder sums. A product and a sum may be fused: that rounds once instead of
+# twice. Nothing reads errno or floating point exceptions; the compiler has to know it to vectorize loops with
+# comparisons. Only loops over robots are to be vectorized: vectors of one robot's numbers make it twice as slow.
 FLAGS = (
     *("-O3", "-std=c11", "-fPIC", "-shared", "-w"),
     *("-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math", "-fno-tree-slp-vectorize"),
@@ -28,14 +28,12 @@ FLAGS = (
         else ("-mcpu=native",)
     ),
 )
-
-
-ELSE = "run with backend casadi"
+ELSE = "run with backend casadi"  # the remedy that always works
 
 
 @functools.cache
 def compiler() -> tuple[str, ...] | None:
-    """The command of a C compiler: $CC, cc, or the package ziglang if installed; None where there is none."""
+    """The command of a C compiler: $CC, cc, or the package ziglang if installed; None if there is none."""
     for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
         if name and shutil.which(name):
             return (str(shutil.which(name)),)
@@ -48,7 +46,8 @@ def compiler() -> tuple[str, ...] | None:
 def library(text: str) -> ctypes.CDLL:
     """The library of a C text, from the cache or newly built.
 
-    Raises: CompilerError, where there is no compiler, it fails, or the cache cannot be written.
+    Raises:
+        CompilerError: if there is no compiler, it fails, or the cache cannot be written.
     """
     folder, key = _cache(), _key(text)
     for path in sorted(folder.glob(f"{key}-*.so")):
@@ -104,7 +103,7 @@ def _cache() -> Path:
 
 
 def _build(text: str, folder: Path, key: str) -> Path:
-    """Builds beside the target and moves it there at once, so that several processes may build the same.
+    """Build beside the target and rename, so that several processes may build the same library.
 
     A library's name ends in the digest of its content, so that a damaged one is known before it is loaded.
     """

@@ -24,15 +24,15 @@ _ENVIRONMENT = Environment(  # C, not HTML
     lstrip_blocks=True,
     autoescape=False,  # noqa: S701
 )
-
-
-_NOISE = 2  # the step's argument that may be left out where nothing reads it
+_NOISE = 2  # index of the step's argument that may be left out if nothing reads it
 
 
 class Kernel:
     """`step` (state, t, sample, values) -> (next, signals), compiled for `lanes` robots at a time.
 
-    Raises: WmrError, where it cannot be built.
+    Raises:
+        CompilerError: if it cannot be built.
+        WmrError: if the step has an operation that is not printed.
     """
 
     def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
@@ -42,7 +42,7 @@ class Kernel:
         self._prepare, self._advance, self._advance_bare = _functions(text)
 
     def start(self, state: Floats) -> Block:
-        """At the start, state (states, lanes)."""
+        """A block at its start, from state (states, lanes)."""
         return Block(np.asarray(state, dtype=float), self.watched)
 
     def prepare(self, values: Floats) -> Floats:
@@ -52,9 +52,12 @@ class Kernel:
         return held
 
     def advance(self, block: Block, times: Floats, noise: Floats | None, held: Floats) -> Floats:
-        """Advances `block` by all `times` (T,); gives the signals (T, signals, lanes) where they are logged.
+        """Advance `block` by all `times` (T,) [s]; return the signals (T, signals, lanes), none of them if not logged.
 
-        noise (T, samples, lanes), contiguous, or none where the step reads none.
+        `noise`: (T, samples, lanes), contiguous, or None if the step reads none.
+
+        Raises:
+            ShapeError: if the step reads noise and none is given.
         """
         if noise is None and self._reads_noise:
             raise ShapeError("this loop measures with noise", "give its samples")
@@ -110,7 +113,7 @@ def print_loop(step: ca.Function, lanes: int) -> Program:
 def _functions(text: str) -> tuple[Callable[..., None], Callable[..., None], Callable[..., None]]:
     """`prepare`, `advance`, and `advance` without conversion of its arguments, which costs as much as a small step.
 
-    Pointers are given as numbers: NumPy keeps what they point to.
+    Pointers are passed as numbers; NumPy owns the memory.
     """
     built = library(text)
     size, pointer = ctypes.c_size_t, ctypes.c_void_p

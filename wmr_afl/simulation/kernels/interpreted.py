@@ -1,4 +1,4 @@
-"""What a compiled kernel does, by CasADi's virtual machine, robot after robot: for machines without a C compiler."""
+"""A kernel on CasADi's virtual machine, one robot at a time: for machines without a C compiler."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from wmr_afl.simulation.kernels.block import Block, Watched
 
 
 class InterpretedKernel:
-    """`step` (state, t, sample, values) -> (next, signals), called like a `compiled.kernel.Kernel`, robot by robot."""
+    """`step` (state, t, sample, values) -> (next, signals), called like a `compiled.Kernel`, robot by robot."""
 
     lanes, sees_all = 1, False
 
     def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
         self.watched, self._logged = watched, logged
         self._counting = counting(step, watched, logged)
-        self._folded = functools.lru_cache(maxsize=4)(self._counting.fold)  # by number of steps: making one is slow
+        self._folded = functools.lru_cache(maxsize=4)(self._counting.fold)  # by number of steps; building one is slow
 
     def start(self, state: Floats) -> Block:
-        """At the start, state (states, 1)."""
+        """A block at its start, from state (states, 1)."""
         return Block(np.asarray(state, dtype=float), self.watched)
 
     def prepare(self, values: Floats) -> Floats:
@@ -31,7 +31,7 @@ class InterpretedKernel:
         return values
 
     def advance(self, block: Block, times: Floats, noise: Floats | None, held: Floats) -> Floats:
-        """Advances `block` by all `times` (T,); gives the signals (T, signals, 1) where they are logged."""
+        """Advance `block` by all `times` (T,) [s]; return the signals (T, signals, 1), none of them if not logged."""
         samples = np.zeros((len(times), 0)) if noise is None else noise[:, :, 0]
         inputs = np.column_stack([times, block.samples + np.arange(len(times), dtype=float), samples])
         given = np.concatenate([block.rows, held])[:, 0]
@@ -44,7 +44,7 @@ class InterpretedKernel:
         return signals[:, :, None]
 
     def _log(self, given: Floats, inputs: Floats) -> tuple[Floats, Floats]:
-        """What comes of `given` after all `inputs`, and the signals (T, signals); no array is made on the way."""
+        """`given` after all `inputs`, and the signals (T, signals); the loop allocates no array."""
         now, following = given.copy(), given.copy()
         given_now, signals = np.zeros(self._counting.size1_in(1)), np.zeros(self._counting.size1_out(1))
         run = bind(self._counting, (now, given_now), (following, signals))
@@ -60,7 +60,7 @@ class InterpretedKernel:
 def counting(step: ca.Function, watched: Watched, logged: bool) -> ca.Function:
     """([rows of a Block; values], [t; number of the sample; sample]) -> the same one step later, and signals if logged.
 
-    The values go on from step to step with the state, which CasADi maps faster than repeating them.
+    The values are carried from step to step with the state, which CasADi maps faster than repeating them.
     """
     states, noisy = step.size1_in(0), any(step.jac_sparsity(result, 2).nnz() for result in range(2))
     kept, values = ca.SX.sym("kept", states + watched.rows), ca.SX.sym("values", step.size1_in(3))
@@ -72,7 +72,7 @@ def counting(step: ca.Function, watched: Watched, logged: bool) -> ca.Function:
     for i, group in enumerate(watched.sized):
         size = kept[states + len(squares) + i]
         for place in group:
-            size = ca.if_else(ca.fabs(signals[place]) > size, ca.fabs(signals[place]), size)  # what is no number never
+            size = ca.if_else(ca.fabs(signals[place]) > size, ca.fabs(signals[place]), size)  # NaN never counts
         largest.append(size)
     failed = ca.if_else(signals[watched.regularity] > 0.0, kept[-1], ca.fmin(number, kept[-1]))
     after = ca.vertcat(following, *squares, *largest, failed, values)
@@ -88,7 +88,7 @@ def bind(function: ca.Function, arguments: Sequence[Floats], results: Sequence[F
     for place, array in enumerate(results):
         buffer.set_res(place, memoryview(array))  # type: ignore[arg-type, call-arg]
 
-    def call(buffer: ca.FunctionBuffer = buffer) -> None:  # which must live as long as the call
+    def call(buffer: ca.FunctionBuffer = buffer) -> None:  # the default keeps the buffer alive as long as the call
         run()
 
     return call

@@ -1,4 +1,4 @@
-"""How a traced step is run: by machine code, or by CasADi's virtual machine."""
+"""What every kernel does, and the kernels by the name of their backend."""
 
 from __future__ import annotations
 

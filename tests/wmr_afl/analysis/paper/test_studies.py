@@ -38,7 +38,7 @@ def runs() -> dict[str, dict[str, Run]]:
 
 
 @pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: f"{claim.experiment}: {claim.text}")
-def test_the_claims_are_judged_as_the_docs_tell(claim, runs: dict[str, dict[str, Run]]) -> None:
+def test_the_claims_are_judged_as_the_docs_say(claim, runs: dict[str, dict[str, Run]]) -> None:
     verdict = claim.judge(runs[claim.experiment])
     assert verdict.is_met == ((claim.experiment, claim.text) not in NOT_MET), verdict.measured
 

@@ -29,7 +29,7 @@ def test_estimates_stay_bounded(runs: dict[str, Run]) -> None:
     assert np.ptp(runs["frozen estimates"].estimate, axis=0).max() == 0.0
 
 
-def test_both_languages_agree_over_all_steps(runs: dict[str, Run]) -> None:
+def test_both_libraries_agree_over_all_steps(runs: dict[str, Run]) -> None:
     stepwise = wmr_afl.run("study_1", backend="numpy")
     for name, run in wmr_afl.run("study_1", backend="casadi").items():
         assert len(run.time) == 7001

@@ -1,4 +1,4 @@
-"""Campaigns: the numbers depend on seed and index alone, whoever runs the blocks and however often he is stopped."""
+"""Campaigns: the numbers depend on seed and index alone, whoever runs the blocks and however often that is stopped."""
 
 import json
 import os
@@ -65,7 +65,7 @@ def test_a_draw_depends_on_seed_and_index_alone() -> None:
         (Distribution(log_uniform=[1.0, np.e]), np.e - 1.0, 0.4924, 1.0, np.e),  # sqrt((e^2-1)/2 - (e-1)^2)
     ],
 )
-def test_what_is_drawn_has_the_distribution_that_is_told(distribution, mean, deviation, low, high) -> None:
+def test_what_is_drawn_has_the_distribution_that_is_given(distribution, mean, deviation, low, high) -> None:
     numbers = np.concatenate([draw(distribution, np.random.default_rng(seed)) for seed in range(50)])
     assert abs(numbers.mean() - mean) < 5.0 * deviation / np.sqrt(len(numbers))
     assert abs(numbers.std() - deviation) < 0.02 * deviation
@@ -99,7 +99,7 @@ def test_noise_is_each_runs_own(tmp_path: Path) -> None:
     np.testing.assert_allclose(wmr_afl.replay(file, index).rms(since=100.0), result.runs.rms[index], rtol=1e-9)
 
 
-def test_the_shipped_campaign_tells_how_study_1_depends_on_its_start() -> None:
+def test_the_shipped_campaign_shows_how_study_1_depends_on_its_start() -> None:
     """A finding of this project: within a metre of the paper's start a third of the runs fail."""
     result = wmr_afl.campaign("study_1", 1000)
     rate, low, high = result.success_rate()
@@ -184,7 +184,7 @@ def test_blocks_of_another_campaign_are_never_taken(short: Path, tmp_path: Path)
 
 
 def test_a_block_that_is_not_this_campaigns_is_run_again(short: Path, tmp_path: Path) -> None:
-    """Also where somebody has removed the note, or copied a block over another."""
+    """Also if somebody has removed the note, or copied a block over another."""
     out = tmp_path / "out"
     wmr_afl.campaign(short, 2 * BLOCK, out)
     (out / "block_000001.npz").write_bytes((out / "block_000000.npz").read_bytes())
@@ -229,23 +229,23 @@ CAMPAIGN = STUDY_1[STUDY_1.index("[campaign]") :]
         ("[campaign]\nsuccess = { rms = 0.0 }\n[campaign.start]\nx = { choice = [1.0] }", "greater than 0"),
     ],
 )
-def test_a_campaign_that_means_nothing_is_told_where_it_stands(tmp_path: Path, table: str, words: str) -> None:
+def test_a_campaign_that_means_nothing_is_reported_with_its_place(tmp_path: Path, table: str, words: str) -> None:
     file = tmp_path / "bad.toml"
     file.write_text(STUDY_1.replace(CAMPAIGN, table))
-    with pytest.raises(InputError, match=words) as told:
+    with pytest.raises(InputError, match=words) as caught:
         wmr_afl.campaign(file, 10)
-    assert "bad.toml" in str(told.value)
-    assert "\n" not in str(told.value)
+    assert "bad.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_gains_are_drawn_and_what_follows_from_them_follows(tmp_path: Path) -> None:
-    """alpha is b2/b1 unless told, also for gains that are drawn."""
+    """alpha is b2/b1 unless given, also for gains that are drawn."""
     file = tmp_path / "gains.toml"
     file.write_text(STUDY_1.replace(CAMPAIGN, "[campaign.gains]\nb1 = { choice = [3.0] }\nb2 = { choice = [2.0] }\n"))
     drawn = wmr_afl.campaign(file, 1)
     file.write_text(STUDY_1.replace("b1 = 2.0, b2 = 1.0", "b1 = 3.0, b2 = 2.0"))
-    told = wmr_afl.run(file, controllers="AFL")["AFL"]
-    np.testing.assert_allclose(drawn.runs.rms[0], told.rms(), rtol=1e-9)
+    single = wmr_afl.run(file, controllers="AFL")["AFL"]
+    np.testing.assert_allclose(drawn.runs.rms[0], single.rms(), rtol=1e-9)
 
 
 def start(*arguments: object, cwd: Path, **options) -> subprocess.Popen[str]:
@@ -274,17 +274,17 @@ def test_a_stopped_process_leaves_whole_blocks_and_the_next_goes_on(tmp_path: Pa
     process = start("study_1", "--runs", runs, cwd=tmp_path)
     wait_for_blocks(folder, 3, process)
     process.send_signal(blow)
-    _, told = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=60)
     if blow == signal.SIGINT:
         assert process.returncode == 130
-        assert told.strip().splitlines()[-1].startswith("interrupted: ")
-        assert "Traceback" not in told
+        assert errors.strip().splitlines()[-1].startswith("interrupted: ")
+        assert "Traceback" not in errors
     before = blocks_of(folder)
     assert 3 <= len(before) < 150
     shorter = (len(before) + 1) * BLOCK
     process = start("study_1", "--runs", shorter, cwd=tmp_path)
-    output, told = process.communicate(timeout=120)
-    assert process.returncode == 0, told
+    output, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
     after = blocks_of(folder)
     assert {name: after[name] for name in before} == before
     assert f"{shorter} runs of AFL" in output
@@ -292,26 +292,26 @@ def test_a_stopped_process_leaves_whole_blocks_and_the_next_goes_on(tmp_path: Pa
     np.testing.assert_array_equal(last["rms"], wmr_afl.campaign("study_1", shorter).runs.rms[-BLOCK:])
 
 
-def test_a_full_disk_is_told_in_one_line_and_keeps_finished_blocks(short: Path, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_in_one_line_and_keeps_finished_blocks(short: Path, tmp_path: Path) -> None:
     """The limit on the size of a file stands for the room that there is."""
     start(short, "--runs", 50, cwd=tmp_path).communicate(timeout=60)
     folder = tmp_path / "results" / "short" / "campaign_AFL"
     before = blocks_of(folder)
     limit = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))  # noqa: E731
     process = start(short, "--runs", 2000, cwd=tmp_path, preexec_fn=limit)
-    _, told = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=60)
     assert process.returncode == 2
-    assert told.startswith("error: ")
-    assert len(told.splitlines()) == 1
-    assert "make room" in told
+    assert errors.startswith("error: ")
+    assert len(errors.splitlines()) == 1
+    assert "make room" in errors
     assert blocks_of(folder) == before
     assert not list(folder.glob(".unfinished*"))
 
 
-def test_the_command_writes_what_it_tells(short: Path, tmp_path: Path) -> None:
+def test_the_command_writes_what_it_prints(short: Path, tmp_path: Path) -> None:
     process = start(short, "--runs", 300, cwd=tmp_path)
-    output, told = process.communicate(timeout=60)
-    assert process.returncode == 0, told
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
     folder = tmp_path / "results" / "short" / "campaign_AFL"
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["runs"] == 300
@@ -319,15 +319,15 @@ def test_the_command_writes_what_it_tells(short: Path, tmp_path: Path) -> None:
     assert all((folder / name).stat().st_size > 5000 for name in ("errors.png", "success.png"))
     index = summary["worst"][-1]["run"]
     process = start(short, "--replay", index, cwd=tmp_path)
-    output, told = process.communicate(timeout=60)
-    assert process.returncode == 0, told
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
     assert (folder / f"run_{index}" / f"AFL__run_{index}.csv").exists()
 
 
 @pytest.mark.parametrize(("arguments", "words"), [(["--runs", 0], "choose 1 to"), (["--replay", -1], "no run -1")])
 def test_a_command_that_means_nothing_ends_in_one_line(short: Path, tmp_path: Path, arguments, words: str) -> None:
     process = start(short, *arguments, cwd=tmp_path)
-    _, told = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=60)
     assert process.returncode == 2
-    assert told.startswith("error: ")
-    assert words in told
+    assert errors.startswith("error: ")
+    assert words in errors

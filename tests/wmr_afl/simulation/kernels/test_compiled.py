@@ -1,4 +1,4 @@
-"""Machine code gives what the other backends give: exactly where it can, and nowhere a silent number for none."""
+"""Machine code gives the same numbers as the other backends, and never a number instead of NaN."""
 
 import ctypes
 import math
@@ -78,7 +78,7 @@ def test_sine_and_cosine_are_accurate_to_two_units_in_the_last_place(name: str, 
             assert abs(mpmath.mpf(float(value)) - truth) <= 2.0 * unit, (name, angle)
 
 
-def test_numbers_that_are_none_stay_none() -> None:
+def test_what_is_not_a_number_stays_not_a_number() -> None:
     odd = np.array([np.nan, np.inf, -np.inf])
     for function in (
         ca.sin,
@@ -108,7 +108,7 @@ def test_study_1_agrees_over_all_steps_and_to_the_bit_with_itself() -> None:
         assert first[name].state.tobytes() == second[name].state.tobytes()
 
 
-def test_a_failure_is_told_as_by_the_other_backends(tmp_path: Path) -> None:
+def test_a_failure_is_reported_as_by_the_other_backends(tmp_path: Path) -> None:
     text = (EXPERIMENTS / "study_1.toml").read_text().replace("lower = 0.1", "lower = 1e-14")
     (tmp_path / "wild.toml").write_text(text)
     failures = []
@@ -167,17 +167,17 @@ def no_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def forget() -> None:
     """What this process remembers of compilers, libraries and loops."""
     for remembered in (build._identity, build.compiler, kernel_module._functions, loading._assembled):
-        if hasattr(remembered, "cache_clear"):  # also where a test has put something else in its place
+        if hasattr(remembered, "cache_clear"):  # also if a test has put something else in its place
             remembered.cache_clear()
 
 
 @contextmanager
 def one_line(words: str) -> Iterator[None]:
     """One warning of one line that says so."""
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         yield
-    (warning,) = told
+    (warning,) = caught
     assert issubclass(warning.category, BackendWarning)
     assert re.search(words, str(warning.message))
     assert "\n" not in str(warning.message)
@@ -202,7 +202,7 @@ def test_without_a_compiler_one_line_says_so(no_cache: Path, monkeypatch: pytest
         wmr_afl.run("study_1", backend="compiled")
 
 
-def test_a_compiler_that_fails_is_told_in_one_line(no_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_compiler_that_fails_is_reported_in_one_line(no_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     failing = no_cache.parent / "bad_cc"
     failing.write_text("#!/bin/sh\necho 'cc: fatal error: out of order' >&2\nexit 1\n")
     failing.chmod(0o755)
@@ -213,7 +213,7 @@ def test_a_compiler_that_fails_is_told_in_one_line(no_cache: Path, monkeypatch: 
         wmr_afl.run("study_1", backend="compiled")
 
 
-def test_a_cache_that_cannot_be_written_is_told_in_one_line(no_cache: Path) -> None:
+def test_a_cache_that_cannot_be_written_is_reported_in_one_line(no_cache: Path) -> None:
     no_cache.write_text("a file where the folder should be")
     with one_line("wmr-afl: cannot be written .*; running on CasADi's virtual machine"):
         assert not wmr_afl.run_batch("study_1", start=START).failed.any()
@@ -238,7 +238,7 @@ def test_a_damaged_library_is_built_again(no_cache: Path, damage) -> None:
 
 
 @pytest.mark.skipif(find_spec("ziglang") is None, reason="ziglang is not installed")
-def test_zig_builds_the_same_where_there_is_no_system_compiler(no_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_zig_builds_the_same_if_there_is_no_system_compiler(no_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     by_cc = wmr_afl.run_batch("study_1", start=START)
     monkeypatch.setenv("PATH", "")
     monkeypatch.delenv("CC", raising=False)
@@ -289,7 +289,7 @@ def test_exact_estimates_follow_each_robot_of_a_batch() -> None:
 
 
 def test_guesses_and_what_is_relative_to_them_follow_each_robot_of_a_batch(tmp_path: Path) -> None:
-    """Gamma and bounds told relative to theta_hat(0), which rests on each robot's own parameters besides the guess."""
+    """Gamma and bounds relative to theta_hat(0), which follows from each robot's own parameters besides the guess."""
     drawn = {"m_w": [0.8, 1.4], "d": [0.02, 0.05]}
     text = (EXPERIMENTS / "track_mecanum.toml").read_text().replace("= 65.0", "= 5.0")
     (tmp_path / "base.toml").write_text(text)
@@ -325,7 +325,7 @@ def test_a_batch_does_not_depend_on_threads_blocks_or_backend() -> None:
     np.testing.assert_allclose(interpreted.largest_error, few.largest_error, rtol=1e-9)
 
 
-def test_a_robot_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
+def test_a_robot_that_fails_is_reported_and_the_others_go_on(tmp_path: Path) -> None:
     text = (EXPERIMENTS / "study_1.toml").read_text().replace("lower = 0.1", "lower = 1e-14")
     (tmp_path / "wild.toml").write_text(text)
     batch = wmr_afl.run_batch(tmp_path / "wild.toml", start={"x": [15.0, 15.0]}, values={"lower": np.vstack([

@@ -1,10 +1,13 @@
 """The walls of the house: who may import whom, and what runs without SymPy."""
 
 import ast
+import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
+import wmr_afl
 from tests.conftest import ROBOTS, ROOT
 
 WITHOUT_SYMPY = """
@@ -60,3 +63,20 @@ def test_the_runtime_knows_no_robot_by_name() -> None:
         if path.name == "__init__.py":
             text = text.partition('"""\n\nfrom')[2]  # the package's docstring shows an example
         assert not any(f'"{robot}"' in text for robot in ROBOTS), path
+
+
+def test_nothing_stands_at_the_root_of_the_runtime_but_its_doors() -> None:
+    files = {path.name for path in (ROOT / "wmr_afl").iterdir() if path.is_file()}
+    assert files == {"__init__.py", "__main__.py", "errors.py", "py.typed"}
+
+
+def test_no_public_name_is_a_modules_name_as_well() -> None:
+    """`import wmr_afl.run` must not give something else than `wmr_afl.run`; `generated` is a package on purpose."""
+    assert [name for name in wmr_afl.__all__ if find_spec(f"wmr_afl.{name}") is not None] == ["generated"]
+
+
+def test_no_two_files_of_a_folder_differ_by_an_ending_only() -> None:
+    """Such as run and running, kernel and kernels."""
+    for folder in {path.parent for top in ("derive", "wmr_afl", "wmr_input") for path in (ROOT / top).rglob("*.py")}:
+        stems = [re.sub(r"(ies|ing|s|y|e)$", "", path.stem) for path in folder.iterdir() if path.suffix == ".py"]
+        assert sorted(set(stems)) == sorted(stems), folder

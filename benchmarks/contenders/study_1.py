@@ -7,7 +7,8 @@ import numpy as np
 from benchmarks.contenders.work import Numbers, Work
 
 ROBOT = ("r", "b", "d", "L", "m_C", "m_w", "I_m", "I_C", "K1", "K2")
-GAINS = ("outer_loop.b1", "outer_loop.b2", "outer_loop.alpha", "adaptation.Gamma", "projection.lower")  # 2, 2, 2, 6, 6 numbers
+# 2, 2, 2, 6 and 6 numbers
+GAINS = ("outer_loop.b1", "outer_loop.b2", "outer_loop.alpha", "adaptation.Gamma", "projection.lower")
 STATES, PLANT, ESTIMATES, ERRORS, SIGNALS = 11, 5, 6, 2, 15
 SINGULAR = 1e-9  # regularity below which a run is lost
 

@@ -12,7 +12,7 @@ from wmr_afl.controllers.reference import ReferenceTable
 from wmr_afl.controllers.tracking_law import ControllerTable
 from wmr_afl.errors import InputError, UnknownNameError
 from wmr_afl.experiments.distributions import CampaignTable
-from wmr_afl.plant.uncertainties import UncertaintiesTable
+from wmr_afl.plant.order import UncertaintiesTable
 from wmr_input import read_toml
 from wmr_input.errors import FieldError
 from wmr_input.fields import Number, Positive, Table

@@ -45,7 +45,7 @@ class Differences:
             raise ShapeError(f"the numbers of robots differ: {listed}")
         if not counts or 0 in counts.values():
             raise ShapeError(
-                "nothing says how many robots there are", "give parameters, start, values or seeds as arrays"
+                "nothing says how many robots there are", "give parameters, start, values, scale or seeds as arrays"
             )
         return next(iter(counts.values()))
 

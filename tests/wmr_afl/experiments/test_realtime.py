@@ -1,11 +1,13 @@
 """The controller for a robot's own loop is the simulator's, step for step."""
 
 import tracemalloc
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import wmr_afl
+from tests.conftest import EXPERIMENTS
 from wmr_afl import CompilerError, Controller, ShapeError, SimulationError, UnknownNameError
 from wmr_afl.experiments import realtime
 
@@ -57,6 +59,21 @@ def test_its_memory_does_not_grow() -> None:
 def test_inputs_stay_within_their_limits() -> None:
     controller = Controller.from_experiment("study_2")
     assert np.all(np.abs(controller.update(0.0, [50.0, -50.0, 0.0, 3.0, 3.0])) <= 24.0)
+
+
+def test_it_knows_what_the_drive_does_to_its_commands(tmp_path: Path) -> None:
+    """Commands are limited but not late when they are returned; the law looks at the input that is both."""
+    text = (EXPERIMENTS / "study_1.toml").read_text().replace("duration = 140.0", "duration = 10.0")
+    text = text.replace("gain = [10.0, 5.0, 10.0, 10.0, 1.0, 10.0]", 'relative_gain = 0.1, input = "applied"')
+    drive = "[uncertainties]\ninput_delay = { seconds = 0.06 }\ninput_limits = { volts = 6.0 }\n\n[shared]"
+    (tmp_path / "late.toml").write_text(text.replace("[shared]", drive, 1))
+    run = wmr_afl.run(tmp_path / "late.toml", controllers="AFL")["AFL"]
+    controller = Controller.from_experiment(tmp_path / "late.toml", "AFL")
+    for k in range(len(run.time) - 1):
+        u = controller.update(run.time[k], run.state[k])
+        np.testing.assert_allclose(u, np.clip(run.command[k], -6.0, 6.0), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(controller.estimate, run.estimate[k + 1], rtol=1e-9, atol=1e-12)
+    assert np.abs(run.input - np.clip(run.command, -6.0, 6.0)).max() > 1.0
 
 
 @pytest.mark.parametrize("has_compiler", [True, False])

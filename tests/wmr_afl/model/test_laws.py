@@ -1,10 +1,16 @@
 """Every generated model obeys every law, and every law can be broken."""
 
+from pathlib import Path
+
 import casadi as ca
 import numpy as np
 import pytest
+from sympy import Matrix
 
-from tests.conftest import ROBOTS
+from derive.codegen.quantities import QUANTITIES, Entry
+from derive.codegen.write import files_of, generate_one, write
+from derive.derivation import Derivation, derive_robot
+from tests.conftest import DESCRIPTIONS, ROBOTS
 from wmr_afl.model.laws import LAWS, Law, Situation
 from wmr_afl.model.model import load_model
 
@@ -31,6 +37,34 @@ def test_a_wrong_term_breaks_a_law(term: str, robot: str) -> None:
     trusted, *others = sorted(LAWS, key=lambda law: law.name != "trusted values")
     assert not _obeyed(trusted, situation)
     assert any(law.applies(situation.numpy) and not _obeyed(law, situation) for law in others)
+
+
+def test_a_motor_constant_may_be_any_formula(tmp_path: Path) -> None:
+    """Whatever function a description may call, the laws can evaluate."""
+    text = DESCRIPTIONS["type_2_0"].read_text().replace('torque_gain = "K1"', 'torque_gain = "K1*exp(sin(d/b))"')
+    (tmp_path / "robot.toml").write_text(text.replace('back_emf = "K2"', 'back_emf = "K2*sqrt(1 + tan(d/b))"'))
+    write({f"robot/{name}": text for name, text in generate_one(tmp_path / "robot.toml").items()}, tmp_path)
+    situation = Situation(tmp_path / "robot")
+    assert [law.name for law in LAWS if law.applies(situation.numpy) and not _obeyed(law, situation)] == []
+
+
+def test_one_more_quantity_is_known_and_checked_without_another_line(tmp_path: Path) -> None:
+    path, entry = DESCRIPTIONS["type_2_0"], Entry("kinetic_energy", "x p", "1", "(14)", "v^T Mbar v / 2 [J]", energy)
+    files = files_of(derive_robot(path), path, entries=[*QUANTITIES, entry])
+    write({f"robot/{name}": text for name, text in files.items()}, tmp_path)
+    situation = Situation(tmp_path / "robot")
+    assert "kinetic_energy" in situation.numpy.functions()
+    assert situation.numpy.kinetic_energy(situation.x, situation.p).shape == (len(situation.x), 1)
+    assert "v^T Mbar v / 2 [J]" in situation.casadi.kinetic_energy.__doc__
+    assert [law.name for law in LAWS if law.applies(situation.numpy) and not _obeyed(law, situation)] == []
+    falsify(situation, "kinetic_energy")
+    broken = [law.name for law in LAWS if law.applies(situation.numpy) and not _obeyed(law, situation)]
+    assert broken == ["trusted values"]
+
+
+def energy(derivation: Derivation) -> Matrix:
+    v = Matrix(derivation.kinematics.v)
+    return v.T * derivation.dynamics.inertia_matrix * v / 2
 
 
 @pytest.mark.parametrize("library", ["numpy", "casadi"])

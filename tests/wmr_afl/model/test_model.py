@@ -148,7 +148,7 @@ def test_code_of_another_robot_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     shutil.copytree(ROOT / "generated" / "type_2_0", folder)
     module = folder / "numpy_model.py"
-    module.write_text(module.read_text().replace('    "omega": "rad/s",', '    "w": "rad/s",'))
+    module.write_text(module.read_text().replace('"omega": "rad/s"', '"w": "rad/s"'))
     with pytest.raises(InputError, match=r"numpy_model.py: STATE: is not that of model.json"):
         load_model(folder)
 

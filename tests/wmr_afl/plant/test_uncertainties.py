@@ -15,7 +15,7 @@ from wmr_afl.model.laws import Situation
 from wmr_afl.numerics.arrays import NUMPY
 from wmr_afl.numerics.parts import by_part
 from wmr_afl.plant import Disturbance, Friction, InputDelay, LateralSlip, PayloadChange, Plant, Uncertainty
-from wmr_afl.plant.uncertainties import UncertaintiesTable
+from wmr_afl.plant.order import UncertaintiesTable
 from wmr_afl.simulation.simulate import simulate
 
 ALONE = {

@@ -248,11 +248,17 @@ def test_gains_are_drawn_and_what_follows_from_them_follows(tmp_path: Path) -> N
     np.testing.assert_allclose(drawn.runs.rms[0], single.rms(), rtol=1e-9)
 
 
+def heeding_interrupts() -> None:
+    """A background job's children ignore SIGINT unless they say otherwise."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(*arguments: object, cwd: Path, **options) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "wmr_afl", "campaign", *map(str, arguments)],
         cwd=cwd, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        env={**os.environ, "COLUMNS": "200", "PYTHONPATH": str(ROOT)}, **options,
+        env={**os.environ, "COLUMNS": "200", "PYTHONPATH": str(ROOT)},
+        **{"preexec_fn": heeding_interrupts, **options},
     )  # fmt: skip
 
 

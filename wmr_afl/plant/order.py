@@ -1,4 +1,4 @@
-"""The uncertainties that an experiment may name."""
+"""The uncertainties that an experiment may name, in the order in which they act."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""docs/api.md speaks of every public name and of no other, and its lines run; docs/notation.md of every quantity."""
+"""docs/api.md lists the public names, and its lines run; docs/notation.md lists the generated functions; files that a page
+names are there."""
 
 import re
 import warnings
@@ -10,6 +11,11 @@ import wmr_afl
 from tests.conftest import ROOT
 
 PAGE = (ROOT / "docs" / "api.md").read_text()
+PAGES = ["CONTRIBUTING.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
+FOLDERS = ("benchmarks", "derive", "docs", "generated", "tests", "wmr_afl", "wmr_input")
+FILES = {f"/{path.name}" for path in ROOT.iterdir()} | {
+    path.as_posix() for folder in FOLDERS for path in (ROOT / folder).rglob("*.*")
+}
 ROWS = re.findall(r"^\| `(\w+)` \| (.+) \| `(.+)` \|$", PAGE, re.MULTILINE)
 
 
@@ -50,3 +56,12 @@ def test_the_notation_holds_every_generated_function_with_its_shape(robot: str) 
         sizes = ", ".join(function["shape"]) + ("," if len(function["shape"]) == 1 else "")
         call = f"`{name}({', '.join(function['arguments'])})`"
         assert any(call in line and f"({sizes})" in line for line in lines), f"{call} ({sizes})"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_and_link_of_a_page_is_there(page: str) -> None:
+    text = (ROOT / page).read_text()
+    links = re.findall(r"\]\(([^)#:]+)\)", text)
+    assert [link for link in links if not ((ROOT / page).parent / link).exists()] == []
+    named = set(re.findall(r"`([\w/]+\.(?:py|toml|md))`", text))
+    assert [name for name in sorted(named) if not any(file.endswith(f"/{name}") for file in FILES)] == []

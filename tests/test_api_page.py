@@ -1,5 +1,4 @@
-"""docs/api.md lists the public names, and its lines run; docs/notation.md lists the generated functions; files that a page
-names are there."""
+"""The pages in docs/ keep up with the code: public names, generated functions, files."""
 
 import re
 import warnings

@@ -72,24 +72,24 @@ class GradientAdaptation(Part):
 
     def __init__(
         self,
-        parameters: int,
+        count: int,
         gain: ArrayLike,
         modifications: Sequence[Modification] = (),
         projection: Projection | None = None,
         sees_applied: bool = False,
     ) -> None:
         self.modifications, self.sees_applied = Parts(modifications), sees_applied
-        self.projection = projection or Projection(parameters)
+        self.projection = projection or Projection(count)
         try:
             self.gain = np.asarray(gain, dtype=float)
         except (TypeError, ValueError):
             raise ShapeError("the rows of the adaptation gain differ in length", "give rows of equal length") from None
         if self.gain.ndim == 0:
-            self.gain = np.full(parameters, float(self.gain))
-        if self.gain.shape not in ((parameters,), (parameters, parameters)):
+            self.gain = np.full(count, float(self.gain))
+        if self.gain.shape not in ((count,), (count, count)):
             raise ShapeError(
                 f"the adaptation gain has shape {self.gain.shape}",
-                f"expected a number, a diagonal ({parameters},) or a matrix ({parameters}, {parameters})",
+                f"expected a number, a diagonal ({count},) or a matrix ({count}, {count})",
             )
         matrix = np.diag(self.gain) if self.gain.ndim == 1 else self.gain
         if not np.allclose(matrix, matrix.T) or not np.all(np.linalg.eigvalsh(matrix) > 0):

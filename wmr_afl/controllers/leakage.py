@@ -24,8 +24,8 @@ class Leakage(Modification):
 
     name = "leakage"
 
-    def __init__(self, parameters: int, sigma: ArrayLike) -> None:
-        self.sigma = per_entry("leakage", sigma, parameters)
+    def __init__(self, count: int, sigma: ArrayLike) -> None:
+        self.sigma = per_entry("leakage", sigma, count)
         if np.any(self.sigma < 0):
             raise WmrError(f"the leakage is {self.sigma}", "choose zero or more")
 

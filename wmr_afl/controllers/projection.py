@@ -53,9 +53,9 @@ class Projection(Part):
 
     name = "projection"
 
-    def __init__(self, parameters: int, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf) -> None:
-        self.lower = np.broadcast_to(np.asarray(lower, dtype=float), (parameters,)).copy()
-        self.upper = np.broadcast_to(np.asarray(upper, dtype=float), (parameters,)).copy()
+    def __init__(self, count: int, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf) -> None:
+        self.lower = np.broadcast_to(np.asarray(lower, dtype=float), (count,)).copy()
+        self.upper = np.broadcast_to(np.asarray(upper, dtype=float), (count,)).copy()
         if not np.all(self.lower < self.upper):
             raise WmrError(f"bounds {self.lower} to {self.upper} leave nothing", "choose lower < upper")
 

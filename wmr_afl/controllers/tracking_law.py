@@ -56,16 +56,16 @@ class Knowledge:
         MissingTermError: if the model has no outputs to track.
     """
 
-    def __init__(self, model: Model, known: ArrayLike, estimate: ArrayLike) -> None:
-        """`known`: c (n_c,); `estimate`: theta_hat(0) (n_theta,)."""
+    def __init__(self, model: Model, known: ArrayLike, theta_hat: ArrayLike) -> None:
+        """`known`: c (n_c,); `theta_hat`: the first estimate (n_theta,)."""
         if not model.has("decoupling_matrix"):
             raise MissingTermError(f"model {model.name} has no outputs to track", "derive it with [outputs]")
         self.model = model
-        self.known, self.estimate = np.asarray(known, dtype=float), np.asarray(estimate, dtype=float)
+        self.known, self.theta_hat = np.asarray(known, dtype=float), np.asarray(theta_hat, dtype=float)
         count = len(model.base_parameter_units)
-        if self.estimate.shape != (count,) or not np.all(np.isfinite(self.estimate)):
+        if self.theta_hat.shape != (count,) or not np.all(np.isfinite(self.theta_hat)):
             names = ", ".join(model.base_parameter_units)
-            raise ShapeError(f"the estimate has shape {self.estimate.shape}", f"expected ({count},) finite: {names}")
+            raise ShapeError(f"the estimate has shape {self.theta_hat.shape}", f"expected ({count},) finite: {names}")
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class TrackingLaw:
     @property
     def states(self) -> dict[str, Floats]:
         """The law's own states at the start."""
-        return {"theta_hat": self.knowledge.estimate, **self.parts.states}
+        return {"theta_hat": self.knowledge.theta_hat, **self.parts.states}
 
     def act(self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model) -> Action:
         """The command at the measured state x, (25), (27), (74)."""

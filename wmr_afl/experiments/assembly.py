@@ -130,8 +130,8 @@ class _Assembly:
                     raise WmrError(f"the controller knows {parameter}", "guess uncertain parameters")
         with self.at(place("guess" if table.guess else "estimate")), np.errstate(all="ignore"):
             numbers = Numbers(rules_of(self.experiment, name, model), {"p": self.parameters})
-            estimate = numbers["theta_hat"]
-            if not np.all(np.isfinite(estimate)):
+            theta_hat = numbers["theta_hat"]
+            if not np.all(np.isfinite(theta_hat)):
                 raise WmrError("gives base parameters that are not finite", "guess values that a robot can have")
         adaptation = self._adaptation(name, table, numbers)
         with self.at(place("input_weights")):
@@ -139,7 +139,7 @@ class _Assembly:
         with self.at(place("robust")):
             robust = None if table.robust is None else RobustTerm(**table.robust.model_dump())
         with self.at(f"[controllers.{name}]"):
-            return TrackingLaw(Knowledge(model, numbers["c"], estimate), outer_loop, linearizing, adaptation, robust)
+            return TrackingLaw(Knowledge(model, numbers["c"], theta_hat), outer_loop, linearizing, adaptation, robust)
 
     def _adaptation(self, name: str, table: ControllerTable, numbers: Numbers) -> GradientAdaptation | None:
         thetas = list(self.model.base_parameter_units)

@@ -87,8 +87,8 @@ def gain_name(name: str, loop: ClosedLoop) -> str:
         UnknownNameError: if no gain has this name.
         WmrError: if several have.
     """
-    gains = _gains(loop)
-    found = [gain for gain in gains if name in (gain, gain.partition(".")[2])]
+    gains, wanted = _gains(loop), name.removeprefix("gains.")
+    found = [gain for gain in gains if wanted in (gain, gain.partition(".")[2])]
     if len(found) > 1:
         raise WmrError(f"{name!r} names several gains", f"write {' or '.join(found)}")
     if not found:
@@ -100,7 +100,7 @@ def _place(name: str, loop: ClosedLoop) -> tuple[str, str]:
     """Whether a name is one of `parameters` or of `gains`, and its whole name there."""
     head, _, rest = name.partition(".")
     if head == "gains":
-        return "gains", gain_name(rest, loop)
+        return "gains", gain_name(name, loop)
     parameters = loop.model.parameter_units
     if head == "parameters":
         if rest not in parameters:

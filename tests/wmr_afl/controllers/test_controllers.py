@@ -168,4 +168,4 @@ def test_adaptation_sees_the_commanded_or_the_applied_input(sees_applied: bool) 
     applied = np.array([2.0, -1.0])
     found = law.update(x, action, applied, z, k, model, 0.1)["theta_hat"]
     regressor = model.regressor(x, applied if sees_applied else action.input, knowledge.known)
-    np.testing.assert_allclose(found, knowledge.estimate + 0.1 * regressor.T @ action.filtered_error, rtol=1e-12)
+    np.testing.assert_allclose(found, knowledge.theta_hat + 0.1 * regressor.T @ action.filtered_error, rtol=1e-12)

@@ -89,6 +89,9 @@ def test_a_name_of_a_parameter_and_a_gain_is_refused_with_both(clash: Path) -> N
         "outer_loop.b1", "outer_loop.alpha",
     }  # fmt: skip
     np.testing.assert_array_equal(gain["outer_loop.b1"], 2.0 * usual["outer_loop.b1"])
+    for name in ("b1", "outer_loop.b1", "gains.b1", "gains.outer_loop.b1"):  # no parameter can be meant here
+        given = varied(clash, "AFL", Differences(gains={name: [[3.0, 4.0]]}))[0]
+        np.testing.assert_array_equal(given["outer_loop.b1"], [3.0, 4.0])
 
 
 def test_a_campaign_refuses_such_a_name_and_takes_the_whole_one(clash: Path) -> None:

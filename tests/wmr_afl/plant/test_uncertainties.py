@@ -137,6 +137,10 @@ def test_every_table_builds_the_uncertainty_of_its_key() -> None:
     assert {name: uncertainty.name for name, uncertainty in built.items()} == {name: name for name in tables}
 
 
+def test_each_kind_of_uncertainty_is_tried_alone() -> None:
+    assert {text.partition(" =")[0] for text in ALONE.values()} == set(UncertaintiesTable.model_fields)
+
+
 def test_inputs_and_commands_are_both_logged(tmp_path: Path) -> None:
     run = wmr_afl.run(experiment(tmp_path, "input_limits = { volts = 0.5 }"))["AFL"]
     assert np.max(np.abs(run.input)) == 0.5

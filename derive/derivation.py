@@ -12,6 +12,7 @@ from sympy import Expr, Matrix, Symbol
 
 from wmr_input import InputError
 
+from .algebra.attempts import Attempts, reason, shown
 from .algebra.finite_field import NotRepresentable
 from .algebra.named_terms import Terms
 from .algebra.separation import Parameters
@@ -50,6 +51,7 @@ class Derivation:
     parameters: Parameters
     adaptive: AdaptiveForm
     control: Control | None  # None if the description wants the model alone
+    missed: dict[str, str]  # findings that were not found out, and why
 
     @property
     def terms(self) -> Terms:
@@ -82,9 +84,8 @@ def derive_robot(path: Path, progress: Progress = lambda step: None) -> Derivati
         InputError: If the description is wrong or too odd to be derived.
     """
     progress("description")
-    robot = read_robot(path)
     with mistakes_named(str(path)):
-        return _derive(robot, progress)
+        return _derive(read_robot(path), progress)
 
 
 @contextmanager
@@ -92,22 +93,22 @@ def mistakes_named(file: str) -> Iterator[None]:
     """What the mathematics cannot do becomes a mistake of the description, never a traceback."""
     try:
         yield
-    except NotRepresentable:
-        problem, remedy = "something is not defined at random configurations", "check roots and quotients"
-        raise InputError(file, "", problem, remedy) from None
+    except NotRepresentable as error:
+        problem = f"{shown(error.expression)} is not defined at random configurations"
+        raise InputError(file, "", problem, "check its roots and quotients") from None
     except (ArithmeticError, ValueError, RecursionError, NoConvergence, NotImplementedError) as error:
-        reason = " ".join(str(error).split())[:80]
-        problem = f"cannot be derived ({type(error).__name__}: {reason})"
+        problem = f"cannot be derived ({reason(error)})"
         raise InputError(file, "", problem, "simplify its expressions, or report it with this file") from error
 
 
 def _derive(robot: Robot, progress: Progress) -> Derivation:
+    attempts = Attempts()
     progress("kinematics")
     constraints = constraint_rows(robot)
     kinematics = choose_kinematics(robot, constraints)
     _check_motors(kinematics)
     progress("mobility")
-    mobility = classify(kinematics, constraints)
+    mobility = classify(kinematics, constraints, attempts)
     progress("dynamics")
     dynamics = derive_dynamics(kinematics)
     progress("linearization")
@@ -115,14 +116,14 @@ def _derive(robot: Robot, progress: Progress) -> Derivation:
     _check_defaults(kinematics, dynamics, linearization)
     parameters = _split_parameters(kinematics)
     progress("base parameters")
-    adaptive = adaptive_form(kinematics, dynamics, parameters)
+    adaptive = adaptive_form(kinematics, dynamics, parameters, attempts)
     control = None
     if linearization is not None:
         progress("decoupling matrix")
         determinant = decoupling_determinant(kinematics, dynamics, linearization, adaptive)
         progress("internal dynamics")
-        control = Control(linearization, determinant, internal_dynamics(kinematics, linearization))
-    return Derivation(robot, kinematics, mobility, dynamics, parameters, adaptive, control)
+        control = Control(linearization, determinant, internal_dynamics(kinematics, linearization, attempts))
+    return Derivation(robot, kinematics, mobility, dynamics, parameters, adaptive, control, attempts.missed)
 
 
 def _check_motors(kinematics: Kinematics) -> None:

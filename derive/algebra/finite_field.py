@@ -9,9 +9,9 @@ numbers and roots of unity, so that cos a = (z + 1/z)/2, sin a = (z - 1/z)/(2 i)
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
-from math import lcm
+from math import gcd
 from typing import Any
 
 import sympy as sp
@@ -22,13 +22,16 @@ from sympy.polys.polyerrors import NotInvertible
 
 from .dual_numbers import Dual, base
 
-_FRACTIONS = 720720  # angles occur as multiples of this part of them: halves, thirds, ... sixteenths
+_FRACTIONS = 720720  # angles occur as multiples of this part of pi: halves, thirds, ... sixteenths
 
 
-_ORDER = lcm(8, 3 * 5 * 7 * 11 * 13 * 17 * 19, 2 * _FRACTIONS)
+# 1 + a multiple of 8, of 2 _FRACTIONS, of 17 and of 19, close to 2^61; all primes below 100 have roots modulo it.
+PRIME = 2304643347494167681
 
 
-PRIME = next(p for k in range(2**61 // _ORDER, 0, -1) if sp.isprime(p := k * _ORDER + 1))
+# Units of angles are drawn as this power. What denominators have in common with PRIME - 1, up to twelve decimals,
+# divides it, so that every rational multiple has a unit, and sin(a), sin(0.37 a) and sin(1.37 a) keep their identities.
+_STEPS = 2**12 * 3**6 * 5**12 * 7**2 * 11 * 13 * 17 * 19
 
 
 FIELD = sp.FF(PRIME, symmetric=False)
@@ -44,7 +47,11 @@ Element = Any  # of FIELD, or a Dual over it
 
 
 class NotRepresentable(ArithmeticError):
-    """The expression has no value at this point: a division by zero or a root that the field lacks."""
+    """`expression` has no value at this point: a division by zero or a root that the field lacks."""
+
+    def __init__(self, expression: Expr | None = None) -> None:
+        self.expression = expression  # None while it is not known which one
+        super().__init__(expression)
 
 
 def _hashed(*key: object) -> int:
@@ -66,7 +73,7 @@ def _root_of_prime(prime: int) -> int:
     if prime == 2:
         unit = _root_of_unity(8)
         return (unit + pow(unit, -1, PRIME)) % PRIME
-    if _ORDER % prime == 0:
+    if (PRIME - 1) % prime == 0 and prime <= 19:
         unit = _root_of_unity(prime)
         gauss = sum(sp.legendre_symbol(k, prime) * pow(unit, k, PRIME) for k in range(1, prime)) % PRIME
         return gauss if prime % 4 == 1 else gauss * pow(_root_of_unity(4), -1, PRIME) % PRIME
@@ -76,7 +83,7 @@ def _root_of_prime(prime: int) -> int:
 def _any_root(number: int) -> int:
     root = sqrt_mod(number, PRIME)
     if root is None:
-        raise NotRepresentable(number)
+        raise NotRepresentable
     return int(root)
 
 
@@ -123,6 +130,8 @@ class Point:
                 self._memo[expression] = self._value(expression)
             except (ZeroDivisionError, NotInvertible):
                 raise NotRepresentable(expression) from None
+            except NotRepresentable as error:
+                raise NotRepresentable(error.expression or expression) from None
         return self._memo[expression]
 
     def rank(self, matrix: sp.Matrix) -> int:
@@ -160,6 +169,14 @@ class Point:
             return self._exponential(expression.args[0])
         if expression is sp.E:
             return self._exponential(sp.S.One)
+        if isinstance(expression, sp.tanh):
+            squared = self._exponential(2 * expression.args[0])
+            return (squared - 1) / (squared + 1)
+        if isinstance(expression, sp.Abs):
+            return _size(self(expression.args[0]))
+        if isinstance(expression, sp.sign):
+            value = self(expression.args[0])
+            return _size(value) / value
         return self._opaque(expression)
 
     def _power(self, basis: Expr, exponent: Expr) -> Element:
@@ -178,11 +195,7 @@ class Point:
                 root = root * factor if power > 0 else root / factor
             return root
         value = self(basis)
-        if not basis.free_symbols:
-            return _root_of_constant(basis, value)
-        if isinstance(value, Dual):
-            return value.square_root(lambda number: FIELD(_any_root(int(number))))
-        return FIELD(_any_root(int(value)))
+        return _square_root(value) if basis.free_symbols else _root_of_constant(basis, value)
 
     def _exponential(self, exponent: Expr) -> Element:
         """exp, term by term, so that exp(a + 2 b) = exp(a) exp(b)^2."""
@@ -213,34 +226,107 @@ class Point:
             if rest == sp.pi and steps.is_Integer:
                 unit = unit * FIELD(_root_of_unity(2 * _FRACTIONS)) ** (int(steps) % (2 * _FRACTIONS))
                 continue
-            if not steps.is_Integer:
-                factor, rest, steps = sp.S.One, term, sp.Integer(_FRACTIONS)
+            if factor.is_Integer and rest.func in _UNITS:
+                turned = _UNITS[rest.func](*map(self, rest.args))
+                unit = unit * (turned if factor > 0 else 1 / turned) ** abs(int(factor))
+                continue
+            exponent = _exponent(factor)
+            if exponent is None:
+                factor, rest, exponent = sp.S.One, term, _exponent(sp.S.One)
             value = self(rest)
-            drawn = FIELD(_hashed("unit", int(base(value)))) ** (abs(int(steps)))
-            turned = drawn if steps > 0 else 1 / drawn
+            turned = FIELD(_hashed("unit", int(base(value)))) ** exponent
             unit = unit * (value.rotated(turned, IMAGINARY * self(factor)) if isinstance(value, Dual) else turned)
         return unit
 
     def _opaque(self, expression: Expr) -> Element:
         """A function without algebraic identities: a value that depends on its arguments' values alone."""
         values = [self(argument) for argument in expression.args]
-        if any(isinstance(value, Dual) for value in values):
+        if not any(isinstance(value, Dual) for value in values):
+            return _drawn(expression.func.__name__, values)
+        if expression.func not in _SLOPES:
             raise NotRepresentable(expression)
-        return FIELD(_hashed(expression.func.__name__, *(int(value) for value in values)))
+        return _continued(expression.func.__name__, values, _SLOPES[expression.func])
+
+
+def _exponent(factor: sp.Rational) -> int | None:
+    """What turns the unit of a part of an angle into that of its `factor`-fold; None if the field has no such root."""
+    steps = _STEPS * factor
+    if not steps.is_Rational or gcd(int(steps.q), PRIME - 1) != 1:
+        return None
+    return int(steps.p) * pow(int(steps.q), -1, PRIME - 1) % (PRIME - 1)
+
+
+def _square_root(value: Element) -> Element:
+    if isinstance(value, Dual):
+        return value.square_root(lambda number: FIELD(_any_root(int(number))))
+    return FIELD(_any_root(int(value)))
+
+
+def _size(value: Element) -> Element:
+    """|value|: the root of its square that depends on the square alone."""
+    return _square_root(value * value)
+
+
+def _drawn(name: str, values: list[Element]) -> Element:
+    return FIELD(_hashed(name, *(int(value) for value in values)))
+
+
+def _continued(name: str, values: list[Element], slopes: Callable[..., list[Element]]) -> Element:
+    """A function without algebraic identities at dual numbers: its derivatives do have values."""
+    if not any(isinstance(value, Dual) for value in values):
+        return _drawn(name, values)
+    reals = [value.real if isinstance(value, Dual) else value for value in values]
+    change: Element = 0
+    for value, slope in zip(values, slopes(*reals), strict=True):
+        if isinstance(value, Dual) and not (isinstance(value.tangent, int) and value.tangent == 0):
+            change = slope * value.tangent + change
+    return Dual(_continued(name, reals, slopes), change)
+
+
+def _towards(x: Element, y: Element) -> Element:
+    """exp(i a) of the angle a from the x axis to (x, y)."""
+    return (x + IMAGINARY * y) / _square_root(x * x + y * y)
+
+
+_UNITS: dict[Any, Callable[..., Element]] = {  # exp(i a) where a is the value of an inverse function
+    sp.atan: lambda f: _towards(1 + 0 * f, f),
+    sp.atan2: lambda y, x: _towards(x, y),
+    sp.asin: lambda f: _square_root(1 - f * f) + IMAGINARY * f,
+    sp.acos: lambda f: f + IMAGINARY * _square_root(1 - f * f),
+}
+
+
+_SLOPES: dict[Any, Callable[..., list[Element]]] = {  # their derivatives
+    sp.atan: lambda f: [1 / (1 + f * f)],
+    sp.atan2: lambda y, x: [x / (x * x + y * y), -y / (x * x + y * y)],
+    sp.asin: lambda f: [1 / _square_root(1 - f * f)],
+    sp.acos: lambda f: [-1 / _square_root(1 - f * f)],
+}
+
+
+def usable(values: Callable[[int], Any], wanted: int, tried: int) -> Iterator[Any]:
+    """The first `wanted` of `values(0)`, `values(1)`, ... that exist; each root exists at every other random point.
+
+    Raises:
+        NotRepresentable: If there are not as many among the `tried` first ones.
+    """
+    found, last = 0, None
+    for number in range(tried):
+        try:
+            value = values(number)
+        except NotRepresentable as error:
+            last = error.expression
+            continue
+        yield value
+        found += 1
+        if found == wanted:
+            return
+    raise NotRepresentable(last)
 
 
 def vanishes(expression: Expr, definitions: Mapping[Symbol, Expr] | None = None) -> bool:
     """Whether `expression` is zero everywhere."""
     if expression.is_Number:
         return bool(expression == 0)
-    looked_at = 0
-    for seed in range(TRIED_POINTS):
-        try:
-            if Point(seed, definitions)(expression) != 0:
-                return False
-        except NotRepresentable:
-            continue
-        looked_at += 1
-        if looked_at == SEEDS:
-            return True
-    raise NotRepresentable(expression)
+    points = usable(lambda seed: Point(seed, definitions)(expression), SEEDS, TRIED_POINTS)
+    return all(value == 0 for value in points)

@@ -7,7 +7,7 @@ field; the coefficients are then recovered as rational functions of c and checke
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isqrt
 
@@ -15,9 +15,12 @@ import sympy as sp
 from sympy import Expr, Symbol
 from sympy.polys.matrices import DomainMatrix
 
-from .finite_field import FIELD, PRIME, Element, NotRepresentable, Point
+from .finite_field import FIELD, PRIME, TRIED_POINTS, Element, Point, usable
 from .named_terms import Terms, sorted_symbols
 from .trigonometry import without_sums_of_angles
+
+_REDRAWS = 8  # of the known constants, until roots of them exist
+
 
 Column = Sequence[Expr]  # a vector-valued function
 
@@ -71,7 +74,7 @@ def dependence(columns: Sequence[Column], known: frozenset[Symbol], terms: Terms
             continue
         support = [k for k, _ in enumerate(pivots) if reduced[k][j] != 0]
         basis = [columns[pivots[k]] for k in support]
-        numbers = [(_fraction(int(reduced[k][j])), _fraction(int(again[k][j]))) for k in support]
+        numbers = [(fraction_of(int(reduced[k][j])), fraction_of(int(again[k][j]))) for k in support]
         coefficients = [first for first, second in numbers if first is not None and first == second]
         if len(coefficients) < len(support) or not _combine(basis, coefficients, columns[j], terms):
             coefficients = _symbolic(basis, columns[j], known, terms)
@@ -83,19 +86,19 @@ def _reduced(
     columns: Sequence[Column], known: frozenset[Symbol], terms: Terms, draw: int
 ) -> tuple[list[list[Element]], tuple[int, ...]]:
     """The reduced row echelon form of the columns' values, with the constants `known` at one random value each."""
-    constants = Point(-1 - draw)
-    rows: list[list[Element]] = []
-    points = 0
-    for seed in range(1000 * draw, 1000 * draw + 8 * len(columns) + 64):
-        point = Point(seed, terms.definitions, {c: constants(c) for c in sorted_symbols(known)})
-        try:
-            values = [[point(column[r]) for column in columns] for r in range(len(columns[0]))]
-        except NotRepresentable:
-            continue
-        rows.extend(row for row in values if any(row))
-        points += 1
-        if points == len(columns) + 4:  # more than there can be independent functions of the state
-            break
+    enough = len(columns) + 4  # points: more than there can be independent functions of the state
+
+    def values(constants: Mapping[Symbol, Element], seed: int) -> list[list[Element]]:
+        point = Point(1000 * draw + seed, terms.definitions, constants)
+        return [[point(column[r]) for column in columns] for r in range(len(columns[0]))]
+
+    def everything(redraw: int) -> list[list[Element]]:
+        constant = Point(-1 - draw - 2 * redraw)
+        constants = {c: constant(c) for c in sorted_symbols(known)}
+        points = usable(lambda seed: values(constants, seed), enough, TRIED_POINTS + 8 * enough)
+        return [row for rows in points for row in rows if any(row)]
+
+    rows = next(usable(everything, 1, _REDRAWS))
     reduced, pivots = DomainMatrix(rows, (len(rows), len(columns)), FIELD).rref()
     return reduced.to_list(), pivots
 
@@ -108,7 +111,7 @@ def _combine(basis: Sequence[Column], coefficients: Sequence[Expr], column: Colu
     )
 
 
-def _fraction(residue: int) -> sp.Rational | None:
+def fraction_of(residue: int) -> sp.Rational | None:
     """The small fraction that `residue` stands for, by the Euclidean algorithm; None if there is none."""
     bound = isqrt(isqrt(PRIME))
     previous, current = (PRIME, 0), (residue % PRIME, 1)

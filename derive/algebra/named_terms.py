@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
-from .finite_field import TRIED_POINTS, NotRepresentable, Point, vanishes
+from .finite_field import TRIED_POINTS, Point, usable, vanishes
 from .trigonometry import shortest
 
 
@@ -68,13 +68,12 @@ class Terms:
         Raises:
             NotRepresentable: If it has no value anywhere.
         """
-        for seed in range(TRIED_POINTS):
-            try:
-                values = {symbol: Point(seed)(number) for symbol, number in (numbers or {}).items()}
-                return Point(seed, self.definitions, values).rank(matrix)
-            except NotRepresentable:
-                continue
-        raise NotRepresentable(matrix)
+
+        def rank(seed: int) -> int:
+            values = {symbol: Point(seed)(number) for symbol, number in (numbers or {}).items()}
+            return Point(seed, self.definitions, values).rank(matrix)
+
+        return int(next(usable(rank, 1, TRIED_POINTS)))
 
     def needed(self, expressions: Iterable[Expr]) -> dict[Symbol, Expr]:
         """The definitions that `expressions` rest on, in order of definition."""

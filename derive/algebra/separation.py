@@ -6,13 +6,27 @@ number of products grows with the mixture and not with the length of the express
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 
 import sympy as sp
 from sympy import Expr, Symbol
 
-from .named_terms import Terms
+from .finite_field import TRIED_POINTS, Element, NotRepresentable, Point, usable
+from .named_terms import Terms, sorted_symbols
+from .trigonometry import factored, normal_form, shortest
+
+_LONGEST = 2000  # operations; longer factors are not split
+
+
+_STATES = (sp.S.Zero, sp.S.One, sp.pi / 3, sp.Rational(7, 5))  # of coordinates and velocities: at one, d has a value
+
+
+_DRAWS = 8  # of the known constants, until roots of them exist
+
+
+_FAR = 10**6  # between the seeds of two draws, which parameter sets do not reach
 
 
 @dataclass(frozen=True)
@@ -80,7 +94,7 @@ class Separation:
             return self._product([self.products(expression.base)] * int(expression.exp))
         if expression.is_Pow and expression.exp.is_Integer:
             return self._inverse(expression)
-        raise NotSeparable(expression)
+        return self._split(expression)
 
     def _sum(self, parts: Iterable[Products]) -> Products:
         total: Products = {}
@@ -102,8 +116,89 @@ class Separation:
 
     def _inverse(self, power: Expr) -> Products:
         """1/base^n, where the base is one product."""
-        base = {m: p for m, p in self.products(power.base).items() if not self.terms.is_zero(p)}
-        if len(base) != 1 or next(iter(base))[0] is not None:
+        try:
+            base = {m: p for m, p in self.products(power.base).items() if not self.terms.is_zero(p)}
+        except NotSeparable:
+            base = {}
+        if len(base) != 1:
+            return self._split(power)
+        (((slope, state_function), parameter),) = base.items()
+        if slope is not None:
             raise NotSeparable(power)
-        (((_, state_function), parameter),) = base.items()
         return {(None, state_function**power.exp): parameter**power.exp}
+
+    def _split(self, factor: Expr) -> Products:
+        """A factor d = f(x) g(p) that is not written so: f = d(x, p0) / d(x0, p0) and g = d(x0, p).
+
+        Raises:
+            NotSeparable: If d is no such product, which exact values show.
+        """
+        if not self.terms.atoms(factor).isdisjoint(self.linear) or not self._is_product(factor):
+            raise NotSeparable(factor)
+        whole = self.terms.expand(factor)
+        if sp.count_ops(whole) > _LONGEST:
+            raise NotSeparable(factor)
+        uncertain = sorted_symbols(whole.free_symbols & self.parameters.uncertain)
+        state = sorted_symbols(whole.free_symbols - self.parameters.all)
+        p0 = {symbol: sp.Integer(k) for k, symbol in enumerate(uncertain, 1)}
+        for number in _STATES:
+            parameter = whole.xreplace(dict.fromkeys(state, number))
+            scale = parameter.xreplace(p0)
+            if scale.has(sp.zoo, sp.nan, sp.oo) or self.terms.is_zero(scale):
+                continue
+            state_function = whole.xreplace(p0) / scale
+            if not self.terms.is_zero(whole - state_function * parameter):
+                break
+            return {(None, _reduced(state_function)): sp.factor(parameter)}
+        raise NotSeparable(factor)
+
+    def _is_product(self, factor: Expr) -> bool:
+        try:
+            (a, b), (c, d) = MixedValues(factor, self.parameters, self.terms).table(2)
+        except NotRepresentable:
+            return False
+        return bool(a * d == b * c)
+
+
+class MixedValues:
+    """Exact values of an expression at numbered states and sets of uncertain parameters; known constants stay."""
+
+    def __init__(self, expression: Expr, parameters: Parameters, terms: Terms) -> None:
+        self.expression, self.terms = expression, terms
+        self.known, self.uncertain = sorted_symbols(parameters.known), sorted_symbols(parameters.uncertain)
+
+    def table(self, count: int) -> list[list[Element]]:
+        """The values at `count` states, a row each, and as many sets of parameters, where all roots exist.
+
+        Raises:
+            NotRepresentable: If there are not as many.
+        """
+
+        for draw in range(_DRAWS):
+            with suppress(NotRepresentable):
+                return self._table(count, draw)
+        raise NotRepresentable(self.expression)
+
+    def _table(self, count: int, draw: int) -> list[list[Element]]:
+        def existing(wanted: int, value: Callable[[int], Element]) -> list[int]:
+            def number(k: int) -> int:
+                value(k)
+                return k
+
+            return list(usable(number, wanted, TRIED_POINTS + 10 * wanted))
+
+        (first,) = existing(1, lambda number: self(number, number, draw))
+        states = existing(count, lambda state: self(state, first, draw))
+        choices = existing(count, lambda choice: self(first, choice, draw))
+        return [[self(state, choice, draw) for choice in choices] for state in states]
+
+    def __call__(self, state: int, choice: int, draw: int) -> Element:
+        known, uncertain = Point(-1 - _FAR * draw), Point(-2 - choice)
+        values = {c: known(c) for c in self.known} | {p: uncertain(p) for p in self.uncertain}
+        return Point(state, self.terms.definitions, values)(self.expression)
+
+
+def _reduced(expression: Expr) -> Expr:
+    """A short form: sin^2/cos + cos is 1/cos."""
+    numerator, denominator = sp.fraction(sp.together(normal_form(expression)))
+    return min((shortest(numerator / denominator), factored(numerator) / factored(denominator)), key=sp.count_ops)

@@ -18,14 +18,15 @@ _READABLE = 60  # operations; longer denominators are given by their name
 def findings(derivation: Derivation) -> dict[str, Any]:
     """The findings, ready for JSON."""
     d, mobility = derivation, derivation.mobility
+    growth = mobility.growth
     return {
         "type": mobility.type_name,
         "degree_of_mobility": mobility.degree_of_mobility,
         "degree_of_steerability": mobility.degree_of_steerability,
-        "degree_of_nonholonomy": mobility.growth.degree_of_nonholonomy,
-        "growth_vector": list(mobility.growth.dimensions),
+        "degree_of_nonholonomy": None if growth is None else growth.degree_of_nonholonomy,
+        "growth_vector": [] if growth is None else list(growth.dimensions),
         "constraints": mobility.integrability,
-        "controllable": mobility.growth.controllable,
+        "controllable": None if growth is None else growth.controllable,
         "constraint_rows": d.kinematics.kept,
         "holonomic_rows": list(mobility.holonomic),
         "dropped_rows": d.kinematics.dropped,
@@ -40,6 +41,7 @@ def findings(derivation: Derivation) -> dict[str, Any]:
         "parametrization": d.adaptive.kind,
         "parametrization_obstacle": None if d.adaptive.obstacle is None else _obstacle(d, d.adaptive.obstacle),
         **({} if d.control is None else _of_control(d, d.control)),
+        **({"not_found_out": d.missed} if d.missed else {}),
     }
 
 

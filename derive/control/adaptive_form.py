@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
+from ..algebra.attempts import Attempts
 from ..algebra.linear_solve import adjugate_over_determinant
 from ..algebra.separation import NotSeparable, Parameters
 from ..algebra.trigonometry import factored
@@ -37,7 +38,9 @@ class AdaptiveForm:
     obstacle: Obstacle | None  # why there is no forward form
 
 
-def adaptive_form(kinematics: Kinematics, dynamics: Dynamics, parameters: Parameters) -> AdaptiveForm:
+def adaptive_form(
+    kinematics: Kinematics, dynamics: Dynamics, parameters: Parameters, attempts: Attempts
+) -> AdaptiveForm:
     """The form in base parameters that a robot admits."""
     terms, v = kinematics.terms, kinematics.v
 
@@ -50,7 +53,12 @@ def adaptive_form(kinematics: Kinematics, dynamics: Dynamics, parameters: Parame
     try:
         forward = linear_map(unloaded, dynamics.inputs, parameters, terms, value)
     except NotSeparable as error:
-        hindered = obstacle(error.factor, unloaded, parameters, terms)
+        factor = error.factor
+        hindered = attempts(
+            "parametrization_obstacle",
+            lambda: obstacle(factor, unloaded, parameters, terms),
+            Obstacle(factor, False, 0, 0),
+        )
         if inverse is not None:
             theta = _theta(len(inverse.base_parameters), kinematics)
             drift, gain = _inverted(inverse, theta, kinematics)

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
-from ..algebra.linear_dependence import dependence
+from ..algebra.finite_field import NotRepresentable, Point
+from ..algebra.linear_dependence import dependence, fraction_of
 from ..algebra.named_terms import Terms
 from ..algebra.separation import Parameters, Separation
 
@@ -55,6 +56,7 @@ def linear_map(
     ]
     theta, columns = _independent_parameters(products, parameters, terms)
     theta, columns = _independent_columns(theta, columns, parameters, terms, value)
+    theta = [_number_or(parameter, terms) for parameter in theta]
     signs = [-1 if value(parameter) < 0 else 1 for parameter in theta]
     regressor = sp.zeros(len(products), len(theta))
     for k, column in enumerate(columns):
@@ -106,6 +108,17 @@ def _independent_columns(
         for i, factor in combination.items():
             kept[i] += factor * theta[j]
     return list(kept.values()), [columns[i] for i in kept]
+
+
+def _number_or(parameter: Expr, terms: Terms) -> Expr:
+    """A parameter function, or the number that it is: (a m + b m)/(a + b)/m is 1."""
+    if not parameter.free_symbols:
+        return parameter
+    try:
+        first, second = (fraction_of(int(Point(seed, terms.definitions)(parameter))) for seed in (0, 1))
+    except NotRepresentable:
+        return parameter
+    return first if first is not None and first == second and terms.is_zero(parameter - first) else parameter
 
 
 def _simple_first(products: dict[Expr, Expr]) -> list[Product]:

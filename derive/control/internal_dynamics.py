@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import mpmath
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
+from ..algebra.attempts import Attempts
 from ..algebra.linear_solve import adjugate_over_determinant
 from ..algebra.named_terms import Terms
 from ..algebra.trigonometry import shortest
@@ -18,6 +20,8 @@ from ..mechanics.kinematics import Kinematics
 from .linearization import Linearization
 
 _READABLE = 100  # operations
+_DIGITS = 60
+_NOISE = mpmath.mpf("1e-12")  # of the largest eigenvalue; one that is repeated k times keeps 60 / k digits
 
 
 @dataclass(frozen=True)
@@ -47,21 +51,27 @@ class InternalDynamics:
     straight_line: StraightLine | None  # None where the robot cannot drive straight with its joints at zero
 
 
-def internal_dynamics(kinematics: Kinematics, linearization: Linearization) -> InternalDynamics:
+def internal_dynamics(kinematics: Kinematics, linearization: Linearization, attempts: Attempts) -> InternalDynamics:
     """The internal dynamics of a robot with regular outputs."""
     free = _free_coordinates(kinematics, linearization)
     if not free:
         return InternalDynamics((), None, None)
+    equation = attempts("internal_dynamics", lambda: _equation(kinematics, linearization, free), None)
+    line = attempts("straight_line", lambda: _straight_line(kinematics, linearization, free), None)
+    return InternalDynamics(free, equation, line)
+
+
+def _equation(kinematics: Kinematics, linearization: Linearization, free: tuple[Symbol, ...]) -> Matrix | None:
+    """S_z E^-1, if it is short enough to be read."""
     rows = [kinematics.q.index(z) for z in free]
     scratch = Terms()  # names made here do not belong to the generated code
     kinematic = kinematics.kinematic_matrix.applyfunc(kinematics.terms.expand)
     output_map = linearization.output_map.applyfunc(kinematics.terms.expand)
-    equation = None
-    if sp.count_ops(output_map) + sp.count_ops(kinematic) < 100:
-        inverse = adjugate_over_determinant(output_map, scratch, "determinant").applyfunc(scratch.expand)
-        equation = (kinematic.extract(rows, list(range(len(kinematics.v)))) * inverse).applyfunc(shortest)
-        equation = equation if sp.count_ops(equation) <= _READABLE else None
-    return InternalDynamics(free, equation, _straight_line(kinematics, linearization, free))
+    if sp.count_ops(output_map) + sp.count_ops(kinematic) >= 100:
+        return None
+    inverse = adjugate_over_determinant(output_map, scratch, "determinant").applyfunc(scratch.expand)
+    equation = (kinematic.extract(rows, list(range(len(kinematics.v)))) * inverse).applyfunc(shortest)
+    return equation if sp.count_ops(equation) <= _READABLE else None
 
 
 def _free_coordinates(kinematics: Kinematics, linearization: Linearization) -> tuple[Symbol, ...]:
@@ -116,8 +126,7 @@ def _straight_line(
             change(kinematics.kinematic_matrix).extract(rows, list(range(len(v)))) * v - kinematic_z * rotated
         )
     matrix = matrix.applyfunc(sp.simplify)
-    numbers = matrix.xreplace(robot.defaults).evalf(20)
-    return StraightLine(v, matrix, _eigenvalues(matrix), tuple(sorted(map(complex, _roots(numbers)), key=_by_parts)))
+    return StraightLine(v, matrix, _eigenvalues(matrix), _values(matrix.xreplace(robot.defaults)))
 
 
 def _translation(kinematic: Matrix, positions: list[int]) -> Matrix | None:
@@ -141,10 +150,18 @@ def _eigenvalues(matrix: Matrix) -> tuple[Expr, ...]:
     return ()
 
 
-def _roots(numbers: Matrix) -> list[Expr]:
-    if numbers.is_lower or numbers.is_upper:
-        return list(numbers.diagonal())
-    return list(sp.nroots(numbers.charpoly().as_expr(), n=15, maxsteps=200))
+def _values(numbers: Matrix) -> tuple[complex, ...]:
+    """Eigenvalues in numbers, sorted; in mpmath rather than NumPy, so that every machine prints the same digits."""
+    with mpmath.workdps(_DIGITS):
+        found, _ = mpmath.eig(mpmath.matrix(numbers.evalf(_DIGITS).tolist()))
+        size = max(map(abs, found), default=0)
+        values = [complex(_chopped(one.real, size), _chopped(one.imag, size)) for one in map(mpmath.mpc, found)]
+    return tuple(sorted(values, key=_by_parts))
+
+
+def _chopped(part: mpmath.mpf, size: mpmath.mpf) -> float:
+    """A part of an eigenvalue without what rounding left of zero, or of a repeated eigenvalue's digits."""
+    return 0.0 if abs(part) <= _NOISE * size else float(part)
 
 
 def _by_parts(value: complex) -> tuple[float, float]:

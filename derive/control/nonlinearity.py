@@ -14,9 +14,9 @@ import sympy as sp
 from sympy import Expr, Matrix
 from sympy.polys.matrices import DomainMatrix
 
-from ..algebra.finite_field import FIELD, Element, NotRepresentable, Point
-from ..algebra.named_terms import Terms, sorted_symbols
-from ..algebra.separation import Parameters
+from ..algebra.finite_field import FIELD, NotRepresentable
+from ..algebra.named_terms import Terms
+from ..algebra.separation import MixedValues, Parameters
 
 _ENOUGH = 20  # states and parameter sets
 
@@ -37,27 +37,12 @@ class Obstacle:
 
 def obstacle(factor: Expr, function: Matrix, parameters: Parameters, terms: Terms) -> Obstacle:
     """What `factor`, met in taking `function` apart, means for its linearity in base parameters."""
-    values = _Values(parameters, terms)
-    corner = [values(factor, state, choice) for state in (0, 1) for choice in (0, 1)]
     row = max(function, key=lambda entry: (len(terms.atoms(entry)), sp.count_ops(entry)))
-    table = [[values(row, state, choice) for choice in range(_ENOUGH)] for state in range(_ENOUGH)]
+    try:
+        corner = MixedValues(factor, parameters, terms).table(2)
+        table = MixedValues(row, parameters, terms).table(_ENOUGH)
+    except NotRepresentable:  # roots of states and parameters together: nothing is shown
+        return Obstacle(factor, False, 0, _ENOUGH)
     rank = DomainMatrix(table, (_ENOUGH, _ENOUGH), FIELD).rank()
-    return Obstacle(factor, corner[0] * corner[3] != corner[1] * corner[2], rank, _ENOUGH)
-
-
-class _Values:
-    """Exact values at numbered states and numbered sets of uncertain parameters; known constants stay."""
-
-    def __init__(self, parameters: Parameters, terms: Terms) -> None:
-        self.parameters, self.terms = parameters, terms
-
-    def __call__(self, expression: Expr, state: int, choice: int) -> Element:
-        for attempt in range(50):  # some points lack a square root
-            known, uncertain = Point(-1), Point(-2 - choice - _ENOUGH * attempt)
-            values = {c: known(c) for c in sorted_symbols(self.parameters.known)}
-            values |= {p: uncertain(p) for p in sorted_symbols(self.parameters.uncertain)}
-            try:
-                return Point(state, self.terms.definitions, values)(expression)
-            except NotRepresentable:
-                continue
-        raise NotRepresentable(expression)
+    is_mixed = corner[0][0] * corner[1][1] != corner[0][1] * corner[1][0]
+    return Obstacle(factor, is_mixed, rank, _ENOUGH)

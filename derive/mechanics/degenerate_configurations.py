@@ -7,12 +7,14 @@ everywhere; they are eliminated first, and what remains is small: the rows of th
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import combinations
 
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
-from ..algebra.named_terms import sorted_symbols
+from ..algebra.finite_field import vanishes
+from ..algebra.named_terms import Terms, sorted_symbols
 from ..algebra.trigonometry import factored, shortest
 from ..description.robot import Robot
 from .constraints import Constraints, stacked
@@ -26,16 +28,68 @@ Conditions = tuple[Expr, ...]  # expressions that vanish together
 def degenerate_configurations(robot: Robot, constraints: Constraints) -> tuple[Conditions, ...] | None:
     """The sets of conditions under which the rank of A drops; None where they are too many to be examined."""
     rates = [robot.rate(q) for q in robot.coordinates]
-    matrix = _without_certain_rows(_in_root_axes(stacked(constraints.basis, rates), robot), robot)
-    if matrix.rows == 0:
+    everything = _in_root_axes(stacked(list(constraints.rows.values()), rates), robot)
+    matrix = _without_certain_rows(everything.copy(), robot)
+    rank = constraints.rank - (everything.rows - matrix.rows)
+    if rank == 0:
         return ()
-    if sp.binomial(matrix.cols, matrix.rows) > _MOST_MINORS:
+    try:
+        sets = {frozenset(conditions) for conditions in _Drops(frozenset(robot.coordinates), rank).of(matrix)}
+    except _TooMany:
         return None
-    columns = combinations(range(matrix.cols), matrix.rows)
-    minors = [matrix.extract(list(range(matrix.rows)), list(chosen)).det(method="berkowitz") for chosen in columns]
-    sets = {frozenset(conditions) for conditions in _common_zeros(minors, frozenset(robot.coordinates))}
     smallest = [one for one in sets if not any(other < one for other in sets)]
     return tuple(sorted((tuple(sorted(one, key=sp.default_sort_key)) for one in smallest), key=str))
+
+
+class _TooMany(Exception):
+    """More minors than are examined, or factors that are not solved for a coordinate."""
+
+
+@dataclass(frozen=True)
+class _Drops:
+    """Where a matrix has less than the rank that it has almost everywhere."""
+
+    coordinates: frozenset[Symbol]
+    rank: int
+
+    def of(self, matrix: Matrix) -> Iterator[Conditions]:
+        """The sets of conditions.
+
+        As many rows as the rank tell where to look; rows that follow from these almost everywhere may count there.
+
+        Raises:
+            _TooMany: If they cannot be examined.
+        """
+        rows = _independent_rows(matrix, self.rank)
+        others = [i for i in range(matrix.rows) if i not in rows and not all(map(vanishes, matrix[i, :]))]
+        for conditions, place in _common_zeros(self._minors(matrix, rows), self.coordinates):
+            if place is None:  # not solved for a coordinate: the conditions are named as they stand
+                if others:
+                    raise _TooMany
+                yield conditions
+                continue
+            there = matrix.applyfunc(lambda entry, place=place: shortest(entry.xreplace(place)))
+            if there.has(sp.zoo, sp.nan):
+                raise _TooMany
+            if not others or Terms().rank(there) < self.rank:
+                yield conditions
+            else:
+                yield from ((*conditions, *more) for more in self.of(there))
+
+    def _minors(self, matrix: Matrix, rows: list[int]) -> list[Expr]:
+        if sp.binomial(matrix.cols, self.rank) > _MOST_MINORS:
+            raise _TooMany
+        columns = combinations(range(matrix.cols), self.rank)
+        return [matrix.extract(rows, list(chosen)).det(method="berkowitz") for chosen in columns]
+
+
+def _independent_rows(matrix: Matrix, rank: int) -> list[int]:
+    """The first rows that are independent almost everywhere."""
+    rows: list[int] = []
+    for i in range(matrix.rows):
+        if len(rows) < rank and Terms().rank(matrix.extract([*rows, i], list(range(matrix.cols)))) > len(rows):
+            rows.append(i)
+    return rows
 
 
 def _in_root_axes(matrix: Matrix, robot: Robot) -> Matrix:
@@ -70,8 +124,13 @@ def _without_certain_rows(matrix: Matrix, robot: Robot) -> Matrix:
         matrix.col_del(j)
 
 
-def _common_zeros(expressions: Sequence[Expr], coordinates: frozenset[Symbol]) -> Iterator[Conditions]:
-    """Sets of factors whose vanishing makes all `expressions` vanish: one factor of the shortest, then of the rest."""
+def _common_zeros(
+    expressions: Sequence[Expr], coordinates: frozenset[Symbol]
+) -> Iterator[tuple[Conditions, dict[Symbol, Expr] | None]]:
+    """Sets of factors whose vanishing makes all `expressions` vanish: one factor of the shortest, then of the rest.
+
+    With each goes the place: the coordinates that the conditions give, or None if one is not solved for a coordinate.
+    """
 
     def coupling(product: Expr) -> tuple[int, int, str]:
         """Products whose factors speak of one coordinate each come first."""
@@ -82,7 +141,7 @@ def _common_zeros(expressions: Sequence[Expr], coordinates: frozenset[Symbol]) -
     if any(e.free_symbols.isdisjoint(coordinates) for e in products):
         return
     if not products:
-        yield ()
+        yield (), {}
         return
     first, *rest = products
     for factor in sp.Mul.make_args(first):
@@ -90,11 +149,16 @@ def _common_zeros(expressions: Sequence[Expr], coordinates: frozenset[Symbol]) -
         if base.free_symbols.isdisjoint(coordinates):
             continue
         places = list(_zeros(base, coordinates))
-        if not places:  # not solved for a coordinate: the others are named as they stand
-            yield (base, *rest)
+        if not places:
+            yield (base, *rest), None
         for place in places:
-            for others in _common_zeros([shortest(e.xreplace(place)) for e in rest], coordinates):
-                yield (base, *others)
+            for others, further in _common_zeros([shortest(e.xreplace(place)) for e in rest], coordinates):
+                conditions = (base, *others)
+                yield conditions, None if further is None else _together(place, further)
+
+
+def _together(place: dict[Symbol, Expr], further: dict[Symbol, Expr]) -> dict[Symbol, Expr]:
+    return {q: value.xreplace(further) for q, value in place.items()} | further
 
 
 def _zeros(factor: Expr, coordinates: frozenset[Symbol]) -> Iterator[dict[Symbol, Expr]]:

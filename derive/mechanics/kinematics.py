@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
 from ..algebra.named_terms import Terms
+from ..algebra.poles import leaves_a_pole
 from ..description.robot import Robot
 from .constraints import Constraints, constraint_origin, stacked
 from .elimination import Equation
@@ -46,11 +48,16 @@ class Kinematics:
         rates = self.kinematic_matrix * Matrix(self.v)
         return {q: self.terms.name(f"{q.name}_dot", rate) for q, rate in zip(self.q, rates, strict=True)}
 
-    @property
+    @cached_property
     def singularities(self) -> tuple[Expr, ...]:
-        """Factors of what was divided by: S is not defined if one of them vanishes."""
-        factors = [base for e in self.divisors for base, _ in (f.as_base_exp() for f in sp.Mul.make_args(e))]
-        return tuple(dict.fromkeys(f for f in factors if not self.terms.atoms(f).isdisjoint(self.q)))
+        """Factors of what was divided by: S, X or a frame's velocity is not defined if one of them vanishes."""
+        parts = [part for e in self.divisors for part in sp.Mul.make_args(sp.factor_terms(e))]
+        factors = [part.as_base_exp()[0] for part in parts]
+        moving = dict.fromkeys(f for f in factors if not self.terms.atoms(f).isdisjoint(self.q))
+        velocities = [part for one in self.velocities.values() for part in (one.forward, one.lateral, one.turning)]
+        forms = [*velocities, *self.wheel_rates.values(), *self.joint_rates.values()]
+        functions = list(dict.fromkeys([*self.kinematic_matrix, *(c for form in forms for c in form.values())]))
+        return tuple(f for f in moving if leaves_a_pole(f, functions, self.q, self.robot.defaults, self.terms))
 
     @property
     def actuator_rates_matrix(self) -> Matrix:

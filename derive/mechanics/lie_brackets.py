@@ -13,7 +13,7 @@ from sympy import Matrix
 from sympy.polys.matrices import DomainMatrix
 
 from ..algebra.dual_numbers import Dual
-from ..algebra.finite_field import FIELD, Element, NotRepresentable, Point
+from ..algebra.finite_field import FIELD, TRIED_POINTS, Element, Point, usable
 from .kinematics import Kinematics
 
 Vector = list[Element]
@@ -48,13 +48,12 @@ class Growth:
 
 
 def bracket_growth(kinematics: Kinematics) -> Growth:
-    """The growth of the robot's distribution at a random configuration."""
-    for seed in range(100):
-        try:
-            return _Brackets(kinematics, seed).growth()
-        except NotRepresentable:
-            continue
-    raise NotRepresentable(kinematics.kinematic_matrix)
+    """The growth of the robot's distribution at a random configuration.
+
+    Raises:
+        NotRepresentable: If S has no value at any of the configurations tried.
+    """
+    return next(usable(lambda seed: _Brackets(kinematics, seed).growth(), 1, TRIED_POINTS))
 
 
 class _Brackets:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from sympy import Matrix
 
+from ..algebra.attempts import Attempts
 from .constraints import Constraints, slip_origin
 from .degenerate_configurations import Conditions, degenerate_configurations
 from .kinematics import Kinematics
@@ -18,7 +19,7 @@ class Mobility:
 
     degree_of_mobility: int  # delta_m: dimension of the root's velocities that the wheels allow at once
     degree_of_steerability: int  # delta_s: further pseudo-velocities that turn centred conventional wheels
-    growth: Growth
+    growth: Growth | None  # None if it was not found out
     holonomic: tuple[str, ...]  # origins of the constraints that can be integrated
     degenerate: tuple[Conditions, ...] | None  # where the rank of A drops; None where that was not examined
 
@@ -28,6 +29,8 @@ class Mobility:
 
     @property
     def integrability(self) -> str:
+        if self.growth is None:
+            return "integrability not found out"
         if self.growth.controllable:
             return "completely nonholonomic"
         if self.growth.degree_of_nonholonomy == 1:
@@ -35,22 +38,28 @@ class Mobility:
         return f"nonholonomic with {self.growth.integrable} integrable combination(s)"
 
 
-def classify(kinematics: Kinematics, constraints: Constraints) -> Mobility:
+def classify(kinematics: Kinematics, constraints: Constraints, attempts: Attempts) -> Mobility:
     """The mobility of a robot."""
     terms, v = kinematics.terms, kinematics.v
     root = kinematics.velocities[kinematics.robot.frames[0].name]
     root_map = Matrix.vstack(*(form.row(v) for form in (root.forward, root.lateral, root.turning)))
     mobility = terms.rank(root_map)
     steering = [kinematics.joint_rates[name].row(v) for name in _steering_joints(kinematics)]
-    growth = bracket_growth(kinematics)
-    rows = zip(kinematics.kept, range(kinematics.constraint_matrix.rows), strict=True)
+    growth = attempts("growth_vector", lambda: bracket_growth(kinematics), None)
     return Mobility(
         degree_of_mobility=mobility,
         degree_of_steerability=terms.rank(Matrix.vstack(root_map, *steering)) - mobility,
         growth=growth,
-        holonomic=tuple(o for o, i in rows if annihilates(kinematics.constraint_matrix[i, :], growth, kinematics)),
-        degenerate=degenerate_configurations(kinematics.robot, constraints),
+        holonomic=() if growth is None else attempts("holonomic_rows", lambda: _holonomic(kinematics, growth), ()),
+        degenerate=attempts(
+            "degenerate_configurations", lambda: degenerate_configurations(kinematics.robot, constraints), None
+        ),
     )
+
+
+def _holonomic(kinematics: Kinematics, growth: Growth) -> tuple[str, ...]:
+    rows = zip(kinematics.kept, range(kinematics.constraint_matrix.rows), strict=True)
+    return tuple(o for o, i in rows if annihilates(kinematics.constraint_matrix[i, :], growth, kinematics))
 
 
 def _steering_joints(kinematics: Kinematics) -> list[str]:

@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations, islice
 
 import sympy as sp
-from sympy import Expr, Matrix, Symbol
+from sympy import Symbol
+from sympy.polys.matrices import DomainMatrix
 
-from ..algebra.finite_field import FIELD, NotRepresentable, Point
+from ..algebra.finite_field import FIELD, TRIED_POINTS, Element, NotRepresentable, Point, usable
 from ..algebra.named_terms import Terms
 from ..description.reader import symbol
 from ..description.robot import Robot
 from .constraints import Constraints, plane_velocities, stacked
 from .elimination import NotSolvable
 from .kinematics import Kinematics, solve_kinematics
+from .numeric_motion import Poles
 from .velocities import Form, Velocity
 
 _LOOKED_AT = 2000  # combinations of candidates whose determinant is looked at
 
 
-_SOLVED = 3  # combinations that are solved, where none is smooth everywhere
+_SOLVED = 3  # combinations that are solved, where no determinant shows that one is smooth everywhere
 
 
-_CONFIGURATIONS = 4  # at which the determinant of a smooth choice has the same value
+_CONFIGURATIONS = 5  # at which the determinant of a smooth choice has the same value
+
+
+_REDRAWS = 8  # of the parameters, until roots of them exist
+
+
+_FAR = 1000  # between the seeds of two draws
 
 
 PseudoVelocities = dict[Symbol, Form]
@@ -80,18 +88,21 @@ def _describe_motion(choice: PseudoVelocities, robot: Robot, constraints: Constr
 
 
 def _choices(robot: Robot, constraints: Constraints, wanted: int) -> Iterator[PseudoVelocities]:
-    """Combinations of candidates: those that are smooth everywhere first, then those that fail least."""
+    """Combinations of candidates: those that are smooth everywhere first, then those with the fewest poles."""
+    candidates = _candidates(robot)
+    determinants = _Determinants(robot, constraints, candidates)
     fallible = []
-    for chosen in islice(combinations(_candidates(robot).items(), wanted), _LOOKED_AT):
-        choice = dict(sorted(chosen, key=lambda item: item[0].name.endswith("_rate")))  # velocities in front
-        matrix = stacked([*constraints.basis, *choice.values()], [robot.rate(q) for q in robot.coordinates])
-        determinants = _determinants(matrix, robot)
-        if 0 in determinants:
+    for chosen in islice(combinations(candidates, wanted), _LOOKED_AT):
+        values = determinants(chosen)
+        if 0 in values:
             continue
-        if len(determinants) == 1:
+        in_order = sorted(chosen, key=lambda v: v.name.endswith("_rate"))  # velocities in front
+        choice = {v: candidates[v] for v in in_order}
+        if len(values) == 1:
             yield choice
-        fallible.append((_failures(matrix, robot), choice))
-    fallible.sort(key=lambda failures_and_choice: failures_and_choice[0])
+        fallible.append((chosen, choice))
+    poles = Poles(robot, constraints, candidates)
+    fallible.sort(key=lambda both: poles(both[0]))
     yield from (choice for _, choice in fallible[:_SOLVED])
 
 
@@ -114,40 +125,34 @@ def _of_frame(name: str, velocity: Velocity) -> PseudoVelocities:
     return {symbol(f"{name}_{part}"): form for part, form in parts.items()}
 
 
-def _determinants(matrix: Matrix, robot: Robot) -> set[int]:
+class _Determinants:
     """Values of det [A; N] at random configurations with the same parameters: one value, not 0, where S is smooth."""
-    parameters = Point(0)
-    values: set[int] = set()
-    for seed in range(100):
-        point = Point(seed, values={p: parameters(p) for p in robot.parameters})
-        try:
-            values.add(point.determinant(matrix))
-        except NotRepresentable:
-            continue
-        if len(values) > 1 or 0 in values or seed >= _CONFIGURATIONS:
-            return values
-    raise NotRepresentable(matrix)
 
+    def __init__(self, robot: Robot, constraints: Constraints, candidates: PseudoVelocities) -> None:
+        self.rates = [robot.rate(q) for q in robot.coordinates]
+        forms = [*constraints.basis, *candidates.values()]
+        matrix = stacked(forms, self.rates)
+        self.places = {v: len(constraints.basis) + k for k, v in enumerate(candidates)}
+        self.basis = list(range(len(constraints.basis)))
 
-def _failures(matrix: Matrix, robot: Robot) -> tuple[bool, int, int]:
-    """Whether det [A; N] vanishes at zero, on how many joints it depends, at how many quarter turns it vanishes."""
+        def of_parameters(draw: int) -> list[list[list[Element]]]:
+            drawn = Point(_FAR * draw)
+            parameters = {p: drawn(p) for p in robot.parameters}
 
-    def vanishes_at(place: dict[Symbol, Expr]) -> bool:
-        try:
-            return Point(0).determinant(matrix.xreplace(place)) == 0
-        except NotRepresentable:
-            return True
+            def values(seed: int) -> list[list[Element]]:
+                point = Point(_FAR * draw + seed, values=parameters)
+                return [[point(entry) for entry in matrix.row(i)] for i in range(matrix.rows)]
 
-    joints = [q for q in robot.coordinates if any(q in frame.angle.free_symbols for frame in robot.frames[1:])]
-    quarters = [{q: sign * sp.pi / 2} for q in joints for sign in (1, -1)]
-    moving = sum(_depends_on(q, matrix) for q in joints)
-    return vanishes_at(dict.fromkeys(robot.coordinates, sp.S.Zero)), moving, sum(map(vanishes_at, quarters))
+            return list(usable(values, _CONFIGURATIONS, TRIED_POINTS))
 
+        self.values = next(usable(of_parameters, 1, _REDRAWS))
 
-def _depends_on(q: Symbol, matrix: Matrix) -> bool:
-    """Whether det [A; N] differs at two random configurations that differ in q only."""
-    try:
-        here, there = (Point(0, values={q: FIELD(number)}).determinant(matrix) for number in (3, 5))
-    except NotRepresentable:
-        return True
-    return here != there
+    def __call__(self, chosen: Sequence[Symbol]) -> set[int]:
+        found: set[int] = set()
+        rows = [*self.basis, *(self.places[v] for v in chosen)]
+        for values in self.values:
+            matrix = DomainMatrix([values[row] for row in rows], (len(rows), len(self.rates)), FIELD)
+            found.add(int(matrix.det()))
+            if len(found) > 1 or 0 in found:
+                break
+        return found

@@ -1,0 +1,70 @@
+"""Values of expressions at given numbers, to the working precision of mpmath, through named terms."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import mpmath
+import sympy as sp
+from mpmath import mpf
+from sympy import Expr, Symbol
+
+FUNCTIONS = {
+    sp.Abs: mpmath.fabs,
+    sp.acos: mpmath.acos,
+    sp.asin: mpmath.asin,
+    sp.atan: mpmath.atan,
+    sp.atan2: mpmath.atan2,
+    sp.cos: mpmath.cos,
+    sp.exp: mpmath.exp,
+    sp.sign: mpmath.sign,
+    sp.sin: mpmath.sin,
+    sp.tan: mpmath.tan,
+    sp.tanh: mpmath.tanh,
+}
+
+
+class NotFinite(ArithmeticError):
+    """A value that is no finite real number."""
+
+
+class Evaluation:
+    """Values of expressions at given `numbers`, each node computed once."""
+
+    def __init__(self, numbers: Mapping[Symbol, float | mpf], definitions: Mapping[Symbol, Expr]) -> None:
+        self._numbers, self._definitions = numbers, definitions
+        self._found: dict[Expr, mpf] = {}
+
+    def __call__(self, expression: Expr) -> mpf:
+        """The value of `expression`.
+
+        Raises:
+            NotFinite, ZeroDivisionError: If it has none.
+        """
+        if expression not in self._found:
+            value = self._computed(expression)
+            if not isinstance(value, mpf) or not mpmath.isfinite(value):
+                raise NotFinite(expression)
+            self._found[expression] = value
+        return self._found[expression]
+
+    def _computed(self, expression: Expr) -> mpf:
+        if expression in self._numbers:
+            return mpf(self._numbers[expression])
+        if expression in self._definitions:
+            return self(self._definitions[expression])
+        if expression.is_Rational:
+            return mpf(expression.p) / expression.q
+        if expression.is_NumberSymbol:
+            return expression._to_mpmath(mpmath.mp.prec)
+        arguments: Iterable[mpf] = map(self, expression.args)
+        if expression.is_Add:
+            return mpmath.fsum(arguments)
+        if expression.is_Mul:
+            return mpmath.fprod(arguments)
+        if expression.is_Pow:
+            base, exponent = arguments
+            return base ** (int(exponent) if expression.exp.is_Integer else exponent)
+        if expression.func not in FUNCTIONS:
+            raise NotImplementedError(f"no value of {expression.func.__name__}")
+        return FUNCTIONS[expression.func](*arguments)

@@ -23,12 +23,13 @@ class ShapeError(WmrError, ValueError):
 class UnknownNameError(WmrError, LookupError):
     """A name is unknown; the text lists the known ones."""
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        names = list(known)
+    def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = "") -> None:
+        """`hint`: what else may have been meant."""
+        names, shown = list(known), str(name) if len(str(name)) <= 60 else f"{str(name)[:57]}..."
         listed = ", ".join(names) if names else "none"
         near = nearest(str(name), names)
-        remedy = f"there is {listed}" if near is None else f"did you mean {near!r}? (there is {listed})"
-        super().__init__(f"unknown {kind} {name!r}", remedy)
+        meant = hint or (f"did you mean {near!r}?" if near is not None else "")
+        super().__init__(f"unknown {kind} {shown!r}", f"{meant} (there is {listed})" if meant else f"there is {listed}")
 
 
 class MissingTermError(WmrError, AttributeError):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-import os
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import sympy as sp
 
 from wmr_input import InputError, WmrError
+from wmr_input.whole_files import write_folder
 
 from ..derivation import Derivation, Progress, derive_robot, mistakes_named
 from ..description.tables import read_description
@@ -72,46 +71,42 @@ def files_of(
         files[target.file] = print_module(programs, metadata, target)
     progress("values and report")
     files["trusted_values.json"] = json_text(trusted_values(derivation, functions))
-    files["model.json"] = _print_json(metadata, functions, path)
+    files["model.json"] = _print_json(metadata, functions, path, files)
     files["derivation.md"] = print_report(derivation, metadata, programs)
     return files
 
 
-def _print_json(metadata: Metadata, functions: list[Quantity], path: Path) -> str:
+def _print_json(metadata: Metadata, functions: list[Quantity], path: Path, files: Files) -> str:
+    """The text of `model.json`, with the digests of the `files` that are read beside it."""
     content = {
         "sympy": sp.__version__,
-        "description_sha256": hashlib.sha256(path.read_text(encoding="utf-8").encode()).hexdigest(),
+        "description_sha256": _sha256(path.read_text(encoding="utf-8")),
+        "files_sha256": {name: _sha256(text) for name, text in files.items()},
         "functions": {one.name: one.signature for one in functions},
         **vars(metadata),
     }
     return json_text(content)
 
 
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
 def write(files: Files, out: Path) -> None:
-    """Write `files` below `out`, each at once.
+    """Write `files` below `out`, each robot's folder whole or not at all; what else lies in it stays.
 
     Raises:
         WmrError: If the folder cannot be written.
     """
+    folders: dict[str, Files] = {}
     for name, text in files.items():
-        target = out / name
+        robot, _, file = name.partition("/")
+        folders.setdefault(robot, {})[file] = text
+    for robot, content in folders.items():
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            _replace(target, text)
+            write_folder(out / robot, content)
         except OSError as error:
-            raise WmrError(f"{target}: cannot be written ({error.strerror})", "name a writable folder") from None
-
-
-def _replace(target: Path, text: str) -> None:
-    descriptor, temporary = tempfile.mkstemp(dir=target.parent, prefix=".")
-    try:
-        with open(descriptor, "w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, target)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+            raise WmrError(f"{out / robot}: cannot be written ({error.strerror})", "name a writable folder") from None
 
 
 def differences(files: Files, out: Path) -> str:

@@ -42,14 +42,13 @@ def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:
 
 
 def model_of(experiment: Experiment, file: Path) -> Path:
-    """The folder of an experiment's model: one beside its file, one by its path, or a shipped one by its name.
+    """The folder of an experiment's model: a shipped one by its name, one beside its file, or one by its path.
 
     Raises:
         InputError: if there is no such model.
     """
-    beside = file.parent / experiment.robot
     with mistakes_at(file, "robot"):
-        return beside if (beside / "model.json").is_file() else model_folder(experiment.robot)
+        return model_folder(experiment.robot, file.parent)
 
 
 def rules_of(experiment: Experiment, controller: str, model: Model) -> Rules:

@@ -12,6 +12,7 @@ from wmr_afl.controllers.reference import ReferenceTable
 from wmr_afl.controllers.tracking_law import ControllerTable
 from wmr_afl.errors import InputError, UnknownNameError
 from wmr_afl.experiments.distributions import CampaignTable
+from wmr_afl.model.files import is_path
 from wmr_afl.plant.order import UncertaintiesTable
 from wmr_input import read_toml
 from wmr_input.errors import FieldError
@@ -87,20 +88,24 @@ def list_experiments() -> list[str]:
 
 
 def find_experiment(name: str | Path) -> Path:
-    """The file of a shipped experiment, or a file by its path.
+    """The file of a shipped experiment by its name, or a file by its path.
+
+    A path has a separator or ends in .toml, so that no file in the working directory stands in for a shipped one.
 
     Raises:
         UnknownNameError: if there is no such experiment.
         InputError: if there is no such .toml file.
     """
-    path = Path(name)
-    if os.path.isfile(path):  # unlike Path.is_file, no error if the name is too long
+    path, is_toml = Path(name), Path(name).suffix == ".toml"
+    if (is_path(name) or is_toml) and os.path.isfile(path):  # unlike Path.is_file, no error if the name is too long
         return path
     if str(name) in list_experiments():
         return _SHIPPED / f"{name}.toml"
-    if path.suffix == ".toml":
+    if is_toml:
         raise InputError(str(path), "", "no such file", "check the path")
-    raise UnknownNameError("experiment", str(name), list_experiments())
+    here = [place for place in (f"./{name}", f"{name}.toml") if os.path.isfile(place)]
+    hint = f"write {here[0]} for the file here" if here else ""
+    raise UnknownNameError("experiment", str(name), list_experiments(), hint)
 
 
 def read_experiment(name: str | Path) -> tuple[Experiment, Path]:

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.errors import MissingTermError, ShapeError, UnknownNameError
-from wmr_afl.model.files import check_module, import_module, model_folder, read_metadata, read_trusted_values
+from wmr_afl.errors import InputError, MissingTermError, ShapeError, UnknownNameError
+from wmr_afl.model.files import AGAIN, model_folder, open_model, read_trusted_values
 from wmr_afl.model.term import Term, checked_vector
 from wmr_afl.numerics.arrays import LIBRARIES, Arrays, Floats
 
@@ -18,13 +18,13 @@ Library = Literal["numpy", "casadi"]
 
 
 def load_model(name: str | Path, backend: Library = "numpy") -> Model:
-    """A shipped model by its name, or the model in a folder that `derive` has written.
+    """A shipped model by its name, or the model in a folder that `derive` has written by its path, as `./mine`.
 
     `backend` is the array library of its terms: "numpy" or "casadi".
 
     Raises:
         UnknownNameError: if there is no such model, or no such library.
-        InputError: if a file of the folder is missing or damaged.
+        InputError: if a file of the folder is missing or damaged, or not the one that was derived.
     """
     return Model(model_folder(name), backend)
 
@@ -41,9 +41,7 @@ class Model:
     def __init__(self, folder: Path, library: Library = "numpy") -> None:
         if library not in LIBRARIES:
             raise UnknownNameError("backend", str(library), LIBRARIES)
-        metadata, code = read_metadata(folder), folder / f"{library}_model.py"
-        module = import_module(code)
-        check_module(module, code, metadata)
+        metadata, module = open_model(folder, f"{library}_model.py")
         self.folder, self.metadata, self.library = folder, metadata, library
         self.name: str = metadata["name"]
         self.title: str = metadata["title"]
@@ -63,6 +61,8 @@ class Model:
 
     def _add(self, name: str, function: Any) -> None:
         """Make a generated function a term of this model."""
+        if hasattr(type(self), name) or name in vars(self):
+            raise InputError(str(self.folder / "model.json"), f"functions {name}", "is missing or damaged", AGAIN)
         meaning, entries = self.metadata["functions"][name], self._entries()
         self._functions[name] = function
         arguments = {argument: entries[argument] for argument in meaning["arguments"]}
@@ -115,13 +115,22 @@ class Model:
         """Arguments, and what every function gives there, computed from SymPy's expressions when it was derived.
 
         Raises:
-            InputError: if the file is missing or damaged.
+            InputError: if the file is missing or damaged, or not the one that was derived.
         """
-        return read_trusted_values(self.folder)
+        return read_trusted_values(self.folder, self.metadata)
 
     def in_library(self, library: Library) -> Model:
-        """The same model in NumPy or in CasADi."""
-        return self if library == self.library else Model(self.folder, library)
+        """The same model in NumPy or in CasADi.
+
+        Raises:
+            InputError: if the folder holds another model by now.
+        """
+        if library == self.library:
+            return self
+        model = Model(self.folder, library)
+        if model.metadata != self.metadata:
+            raise InputError(str(self.folder), "", "holds another model than when it was loaded", "load it again")
+        return model
 
     def parameters(self, **overrides: ArrayLike) -> Floats:
         """p: the default physical parameters, (n_p,), with some replaced; arrays give batches, (..., n_p).

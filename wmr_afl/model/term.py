@@ -15,6 +15,16 @@ from wmr_afl.numerics.arrays import Array, Floats
 Entries = Mapping[str, Sequence[str]]  # argument -> names of its entries, in order
 
 
+class _Documentation:
+    """What `help` shows of a term, written only if it is asked for; of the class, what the class says."""
+
+    def __init__(self, of_class: str) -> None:
+        self.of_class = of_class
+
+    def __get__(self, term: Term | None, kind: type[Term]) -> str:
+        return self.of_class if term is None else _documentation(term._entries, term._meaning)
+
+
 class Term:
     """One of a model's functions, called as the generated one: in the order of its arguments, or by their names."""
 
@@ -23,8 +33,7 @@ class Term:
     ) -> None:
         """`model` and `name` are for messages; `meaning` is what model.json says of the function."""
         self._model, self.name, self._function, self._entries = model, name, function, entries
-        self._takes_columns = isinstance(function, Function)
-        self.__doc__ = _documentation(entries, meaning)
+        self._meaning, self._takes_columns = meaning, isinstance(function, Function)
 
     def __repr__(self) -> str:
         return f"<{self._model}.{self.name}({', '.join(self._entries)})>"
@@ -55,6 +64,9 @@ class Term:
             wanted = ", ".join(self._entries)
             raise ShapeError(f"{self._model}.{self.name} takes {wanted}", f"given were {len(arguments) + len(named)}")
         return tuple(given[argument] for argument in self._entries)
+
+
+Term.__doc__ = _Documentation(str(Term.__doc__))  # type: ignore[assignment]
 
 
 def checked_vector(argument: str, model: str, value: Array, names: Sequence[str]) -> Floats:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import DESCRIPTIONS, EXPERIMENTS, ROBOTS, ROOT
+from tests.wmr_afl.model.sealing import sealed
 from wmr_afl.analysis.paper.figures import FIGURES
 from wmr_afl.cli.show import loop_text
 from wmr_afl.experiments.load import load_experiment
@@ -87,6 +88,9 @@ def test_check_runs_the_laws_on_a_folder_and_fails_where_one_is_broken(tmp_path:
     module = tmp_path / "mine" / "numpy_model.py"
     module.write_text(module.read_text().replace("term_1 = ", "term_1 = 1.001*", 1))
     done = run("check", tmp_path / "mine")
+    assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
+    assert "numpy_model.py: is not the one that was derived; derive the robot again" in done.stderr
+    done = run("check", sealed(tmp_path / "mine"))
     assert done.returncode == 1
     assert "BROKEN" in done.stdout
 

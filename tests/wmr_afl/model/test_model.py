@@ -10,6 +10,7 @@ import pytest
 
 import wmr_afl
 from tests.conftest import ROBOTS, ROOT
+from tests.wmr_afl.model.sealing import sealed
 from wmr_afl import InputError, MissingTermError, ShapeError, UnknownNameError, WmrError, load_model
 from wmr_afl.model.files import import_module
 
@@ -44,7 +45,8 @@ def test_parameters_may_be_batches() -> None:
 def test_names_and_units_stand_beside_the_functions(robot: str) -> None:
     for backend in ("numpy", "casadi"):
         model = load_model(robot, backend)
-        module = import_module(model.folder / f"{backend}_model.py")
+        file = model.folder / f"{backend}_model.py"
+        module = import_module(file, file.read_text())
         assert model.state_units == module.STATE
         assert model.input_units == module.INPUTS
         assert model.output_units == module.OUTPUTS
@@ -135,6 +137,7 @@ def test_a_missing_term_says_why(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "generated" / "type_2_0", folder)
     module, metadata = folder / "numpy_model.py", folder / "model.json"
     module.write_text(module.read_text().replace("def regressor(", "def other("))
+    sealed(folder)
     with pytest.raises(InputError, match="has no regressor; derive"):
         load_model(folder)
     content = json.loads(metadata.read_text())
@@ -149,6 +152,7 @@ def test_code_of_another_robot_is_refused(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "generated" / "type_2_0", folder)
     module = folder / "numpy_model.py"
     module.write_text(module.read_text().replace('"omega": "rad/s"', '"w": "rad/s"'))
+    sealed(folder)
     with pytest.raises(InputError, match=r"numpy_model.py: STATE: is not that of model.json"):
         load_model(folder)
 

@@ -39,19 +39,46 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises:
         OSError: if it cannot be written; what was there stays.
     """
+    beside = begin(path)
+    try:
+        yield beside
+        finish(beside, path)
+    except BaseException:
+        discard(beside)
+        raise
+
+
+def begin(path: Path) -> Path:
+    """An empty file beside `path`, with the same ending, for who cannot use `replacing`.
+
+    Raises:
+        OSError: if it cannot be made, or `path` is a folder.
+    """
     if path.is_dir() and not path.is_symlink():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     beside = _beside(path)
     os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, _mode(path)))
-    try:
-        yield beside
-        with open(beside, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(beside, path)
-    except BaseException:
-        with suppress(OSError):
+    return beside
+
+
+def finish(beside: Path, path: Path) -> None:
+    """Let a file that was begun take the place of `path`, once its content is on the disk.
+
+    Raises:
+        OSError: if it cannot.
+    """
+    with open(beside, "rb+") as file:
+        os.fsync(file.fileno())
+    os.replace(beside, path)
+
+
+def discard(beside: Path) -> None:
+    """Remove a file or folder that was begun; nothing if it has taken its place."""
+    with suppress(OSError):
+        if beside.is_dir() and not beside.is_symlink():
+            shutil.rmtree(beside)
+        else:
             beside.unlink(missing_ok=True)
-        raise
 
 
 def write_folder(folder: Path, files: Mapping[str, str]) -> None:
@@ -77,7 +104,7 @@ def write_folder(folder: Path, files: Mapping[str, str]) -> None:
             _keep(folder, beside, files)
         _take_place(beside, folder, files)
     finally:
-        _remove(beside)
+        discard(beside)
 
 
 def remove_abandoned(folder: Path) -> None:
@@ -85,7 +112,7 @@ def remove_abandoned(folder: Path) -> None:
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             if is_unfinished(entry.name) and time.time() - entry.stat(follow_symlinks=False).st_mtime > ABANDONED:
-                _remove(Path(entry.path))
+                discard(Path(entry.path))
 
 
 def is_unfinished(name: str) -> bool:
@@ -105,14 +132,6 @@ def _mode(path: Path) -> int:
     except OSError:
         return 0o666
     return stat.S_IMODE(there) | stat.S_IWUSR if stat.S_ISREG(there) else 0o666
-
-
-def _remove(path: Path) -> None:
-    with suppress(OSError):
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        else:
-            path.unlink(missing_ok=True)
 
 
 def _keep(folder: Path, beside: Path, written: Iterable[str]) -> None:
@@ -144,7 +163,7 @@ def _take_place(beside: Path, folder: Path, files: Iterable[str]) -> None:
             return
         for name in files:
             os.replace(beside / name, folder / name)
-        _remove(folder / "__pycache__")
+        discard(folder / "__pycache__")
 
 
 def _exchange(one: Path, other: Path) -> bool:

@@ -22,6 +22,7 @@ from wmr_afl.analysis.plots import COLOURS, REFERENCE, styled, verbatim
 from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.result import Run
+from wmr_input.whole_files import replacing
 
 Progress = Callable[[int, int], None]  # pictures done, of how many
 MOST_PICTURES = 600  # of an animation; a .gif keeps all of them in memory, 1 MB each, until it is written
@@ -48,7 +49,7 @@ def animate(
         scene = Scene(run, rows, speed)
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
-            with writer.saving(scene.figure, str(file), DPI):
+            with replacing(file) as beside, writer.saving(scene.figure, str(beside), DPI):
                 for picture in range(len(rows)):
                     scene.show(picture)
                     writer.grab_frame()

@@ -13,6 +13,7 @@ from wmr_afl.analysis import plots
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.campaigns.result import CampaignResult, wilson
 from wmr_afl.numerics.arrays import Floats
+from wmr_input.whole_files import write_whole
 
 BINS = 10  # of a drawn quantity, with equally many runs in each; for 1000 runs the bounds are then within 10 %
 
@@ -26,7 +27,7 @@ def write(result: CampaignResult, folder: Path) -> list[Path]:
     summary = folder / "summary.json"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        summary.write_text(json.dumps(result.summary(), indent=2) + "\n", encoding="utf-8")
+        write_whole(summary, json.dumps(result.summary(), indent=2) + "\n")
     except OSError as error:
         raise WmrError(f"{summary}: cannot be written ({error.strerror})", "make room or name another --out") from None
     files = [summary]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +14,12 @@ import numpy as np
 from wmr_afl.analysis.metrics import metrics
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import file_name
+from wmr_afl.model.model import Model
 from wmr_afl.simulation.result import Run
+from wmr_input.whole_files import remove_abandoned, replacing, write_whole
+
+NOTE = "written.json"  # in a result folder: the files that were written there, with their digests
+SAMPLES = 10_000  # that are turned into text at a time
 
 
 def check_writable(folder: Path) -> None:
@@ -29,29 +36,98 @@ def check_writable(folder: Path) -> None:
 def write_results(runs: Mapping[str, Run], folder: Path) -> list[Path]:
     """Write one CSV file for each run and `metrics.json` for all, and return their paths.
 
+    Numbers have as many digits as it takes to read them back to the bit.
+
     Raises:
         WmrError: if the folder cannot be written.
     """
     files = []
-    try:
+    with _writing(folder):
         folder.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(folder)
         for name, run in runs.items():
             files.append(folder / f"{file_name(name)}.csv")
-            model = run.model
-            header = [
-                "time",
-                *model.state_units,
-                *model.input_units,
-                *(f"error_{output}" for output in model.output_units),
-                *(f"estimate_{theta}" for theta in model.base_parameter_units),
-            ]
-            table = np.hstack([run.time[:, None], run.state, run.input, run.error, run.estimate])
-            np.savetxt(files[-1], table, fmt="%.10g", delimiter=",", header=",".join(header), comments="")
+            with replacing(files[-1]) as beside, open(beside, "w", encoding="utf-8", newline="\n") as stream:
+                stream.writelines(_lines(run))
         files.append(folder / "metrics.json")
         text = json.dumps({name: metrics(run) for name, run in runs.items()}, indent=2)
-        files[-1].write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise WmrError(
-            f"{error.filename or folder}: cannot be written ({error.strerror})", "name a writable folder"
-        ) from None
+        write_whole(files[-1], text + "\n")
+        _write_note(folder, {**_noted(folder), **_digests(files)})
     return files
+
+
+def keep_only(files: Iterable[Path], folder: Path) -> None:
+    """Remove what an earlier run has left in the folder, such as samples of other controllers, and note `files`.
+
+    Only what this program has written is removed, and only if it is still as it was written.
+
+    Raises:
+        WmrError: if the folder cannot be written.
+    """
+    with _writing(folder):
+        kept = _digests(files)
+        for name, digest in _noted(folder).items():
+            file = folder / name
+            if name not in kept and not file.is_symlink() and file.is_file() and _digest(file) == digest:
+                file.unlink()
+        _write_note(folder, kept)
+
+
+def columns(model: Model) -> list[str]:
+    """The header of a run's samples: names with units."""
+    return [
+        "time [s]",
+        *_named("", model.state_units),
+        *_named("", model.input_units),
+        *_named("command_", model.input_units),
+        *_named("reference_", model.output_units),
+        *_named("error_", model.output_units),
+        *_named("estimate_", model.base_parameter_units),
+    ]
+
+
+def _lines(run: Run) -> Iterator[str]:
+    """Header and samples of a run, a few thousand at a time."""
+    yield ",".join(columns(run.model)) + "\n"
+    for start in range(0, len(run.time), SAMPLES):
+        part = slice(start, start + SAMPLES)
+        table = np.hstack([
+            run.time[part, None], run.state[part], run.input[part], run.command[part],
+            run.reference[part], run.error[part], run.estimate[part],
+        ])  # fmt: skip
+        yield from (",".join(map(repr, row)) + "\n" for row in table.tolist())
+
+
+def _named(before: str, units: Mapping[str, str]) -> list[str]:
+    return [f"{before}{name} [{unit}]" for name, unit in units.items()]
+
+
+def _noted(folder: Path) -> dict[str, str]:
+    """The files that the last runs wrote into the folder, and their digests; none if nothing readable is noted."""
+    try:
+        content = json.loads((folder / NOTE).read_text(encoding="utf-8"))["sha256"]
+        return {name: str(digest) for name, digest in content.items() if Path(name).name == name}
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return {}
+
+
+def _write_note(folder: Path, digests: Mapping[str, str]) -> None:
+    write_whole(folder / NOTE, json.dumps({"sha256": digests}, indent=2) + "\n")
+
+
+def _digests(files: Iterable[Path]) -> dict[str, str]:
+    return {file.name: _digest(file) for file in files}
+
+
+def _digest(file: Path) -> str:
+    with open(file, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    """Turn failures of the disk into one line."""
+    try:
+        yield
+    except OSError as error:
+        raise WmrError(f"{folder}: cannot be written ({error.strerror})", "name a writable folder") from None

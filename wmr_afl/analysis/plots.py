@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from wmr_afl.errors import WmrError
 from wmr_afl.simulation.result import Run
+from wmr_input.whole_files import replacing
 
 Runs = Mapping[str, Run]  # by the name of the controller
 
@@ -58,13 +59,11 @@ def save(figure: Figure, stem: Path) -> list[Path]:
     files = [stem.with_name(stem.name + ending) for ending in (".png", ".svg")]
     try:
         stem.parent.mkdir(parents=True, exist_ok=True)
-        with styled():
-            figure.savefig(files[0], dpi=150, metadata={"Software": None})
-            figure.savefig(files[1], metadata={"Date": None})
+        with styled(), replacing(files[0]) as png, replacing(files[1]) as svg:
+            figure.savefig(png, dpi=150, metadata={"Software": None})
+            figure.savefig(svg, metadata={"Date": None})
     except OSError as error:
-        raise WmrError(
-            f"{error.filename or stem}: cannot be written ({error.strerror})", "name a writable folder"
-        ) from None
+        raise WmrError(f"{stem}: cannot be written ({error.strerror})", "name a writable folder") from None
     return files
 
 

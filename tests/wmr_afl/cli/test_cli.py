@@ -104,7 +104,7 @@ def test_simulate_writes_samples_metrics_and_figures(tmp_path: Path) -> None:
     folder = tmp_path / "short"
     table = np.genfromtxt(folder / "AFL.csv", delimiter=",", names=True)
     assert table.shape == (101,)
-    assert table.dtype.names[:6] == ("time", "x", "y", "phi", "v", "omega")
+    assert table.dtype.names[:6] == ("time_s", "x_m", "y_m", "phi_rad", "v_ms", "omega_rads")
     found = json.loads((folder / "metrics.json").read_text())
     assert set(found) == {"AFL", "frozen estimates"}
     assert found["AFL"]["samples"] == 101

@@ -19,6 +19,7 @@ from wmr_afl.analysis.plots import Runs
 from wmr_afl.errors import SimulationError, WmrError
 from wmr_afl.experiments.experiment import read_experiment
 from wmr_afl.simulation.result import Run
+from wmr_input.whole_files import write_whole
 
 _ENVIRONMENT = Environment(loader=FileSystemLoader(Path(__file__).parent), undefined=StrictUndefined, autoescape=True)
 
@@ -32,7 +33,7 @@ def write_report(studies: Mapping[str, Runs], pictures: Mapping[str, Path], beyo
     parts = [_study(name, runs, pictures) for name, runs in studies.items()]
     text = _ENVIRONMENT.get_template("report.html.jinja").render(studies=parts, beyond=list(beyond))
     try:
-        path.write_text(text, encoding="utf-8")
+        write_whole(path, text)
     except OSError as error:
         raise WmrError(f"{path}: cannot be written ({error.strerror})", "name a writable folder") from None
     return path

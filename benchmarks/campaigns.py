@@ -19,9 +19,10 @@ from benchmarks.targets import Target
 from benchmarks.timing import best_times
 from wmr_afl.experiments.distributions import BLOCK
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.simulation.batch import LANES, kernel_of
+from wmr_afl.simulation.batch import kernel_of
 from wmr_afl.simulation.closed_loop import sample_times
 from wmr_afl.simulation.ensemble import Ensemble
+from wmr_afl.simulation.kernels.block import LANES
 
 RUNS = 100_000
 WORKERS = (1, 2)

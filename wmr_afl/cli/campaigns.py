@@ -18,6 +18,7 @@ from wmr_afl.cli.terminal import Experiment, Out, app, console, progress_bar, re
 from wmr_afl.experiments.campaigns.result import LEVELS, CampaignResult
 
 SHOWN = 5  # worst runs that are printed; summary.json lists ten
+CAUSES = 4  # of failure that are listed, the most frequent ones
 
 
 @app.command()
@@ -79,6 +80,8 @@ def tables(result: CampaignResult) -> Iterator[RenderableType]:
     meaning = ", ".join(["did not fail", *bounds])
     yield f"{len(result)} runs of {escape(result.controller)}, seed {result.seed}"
     yield f"success ({meaning}): {rate:.2%}, with 95 % confidence {low:.2%} to {high:.2%}"
+    for cause, count in list(result.causes().items())[:CAUSES]:
+        yield escape(f"failed {count}: {cause}")
     quantiles = Table("", *(f"{level:.0%}" for level in LEVELS), box=None, header_style="bold")
     for name, row in result.quantiles().items():
         quantiles.add_row(escape(name), *(f"{value:.3g}" if np.isfinite(value) else "failed" for value in row))

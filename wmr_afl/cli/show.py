@@ -12,8 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from wmr_afl.model.model import Model
-from wmr_afl.simulation.batch import LANES, watched_signals
+from wmr_afl.simulation.batch import watched_signals
 from wmr_afl.simulation.closed_loop import ClosedLoop, trace
+from wmr_afl.simulation.kernels.block import LANES
 from wmr_afl.simulation.kernels.compiled import kernel_text, print_loop
 from wmr_afl.simulation.layout import Layout
 

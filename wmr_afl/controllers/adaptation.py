@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +14,9 @@ from wmr_afl.controllers.leakage import Leakage
 from wmr_afl.controllers.modification import Modification
 from wmr_afl.controllers.normalization import Normalization
 from wmr_afl.controllers.projection import Projection
-from wmr_afl.errors import ShapeError, WmrError
+from wmr_afl.errors import ShapeError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
-from wmr_afl.numerics.parts import NOTHING, Part, Parts
+from wmr_afl.numerics.parts import NOTHING, Fault, Part, Parts
 from wmr_afl.numerics.rules import Rules
 from wmr_input.errors import FieldError
 from wmr_input.fields import Gain, Named, Positive, Table
@@ -91,13 +91,17 @@ class GradientAdaptation(Part):
                 f"the adaptation gain has shape {self.gain.shape}",
                 f"expected a number, a diagonal ({count},) or a matrix ({count}, {count})",
             )
-        matrix = np.diag(self.gain) if self.gain.ndim == 1 else self.gain
-        if not np.allclose(matrix, matrix.T) or not np.all(np.linalg.eigvalsh(matrix) > 0):
-            raise WmrError(f"the adaptation gain {self.gain.tolist()} is not symmetric positive definite")
+        self.check_numbers()
 
     @property
     def values(self) -> dict[str, Floats]:
         return {"Gamma": self.gain}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield (
+            ~_positive_definite(k.Gamma, self.gain.ndim),
+            lambda k: (f"the adaptation gain {k.Gamma.tolist()} is not symmetric positive definite", ""),
+        )
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -120,6 +124,14 @@ class GradientAdaptation(Part):
         gain = step * k.adaptation.Gamma  # the same at every step, so that it is multiplied once
         change = gain * direction if self.gain.ndim == 1 else gain @ direction
         return self.projection.project(theta_hat + change, getattr(k, self.projection.name, NOTHING), arrays)
+
+
+def _positive_definite(gain: Floats, dimensions: int) -> Any:
+    """Whether gains (..., n, n), or their diagonals (..., n), are symmetric positive definite, (...)."""
+    if dimensions == 1:
+        return np.all(gain > 0, axis=-1)
+    symmetric = np.isclose(gain, np.swapaxes(gain, -1, -2)).all(axis=(-2, -1))
+    return symmetric & (np.linalg.eigvalsh(gain) > 0).all(axis=-1)
 
 
 def relative_gain(estimate: Floats, g: float) -> Floats:

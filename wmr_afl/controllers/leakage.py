@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.modification import Modification
-from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.parts import Fault
 from wmr_afl.numerics.vectors import by_name, per_entry
 from wmr_input.fields import Named
 
@@ -26,8 +26,7 @@ class Leakage(Modification):
 
     def __init__(self, count: int, sigma: ArrayLike) -> None:
         self.sigma = per_entry("leakage", sigma, count)
-        if np.any(self.sigma < 0):
-            raise WmrError(f"the leakage is {self.sigma}", "choose zero or more")
+        self.check_numbers()
 
     @classmethod
     def from_setting(cls, setting: Named, parameters: Sequence[str]) -> Leakage:
@@ -37,6 +36,9 @@ class Leakage(Modification):
     @property
     def values(self) -> dict[str, Floats]:
         return {"Sigma": self.sigma}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield np.any(k.Sigma < 0, axis=-1), lambda k: (f"the leakage is {k.Sigma}", "choose zero or more")
 
     def modify(
         self,

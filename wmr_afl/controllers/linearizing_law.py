@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.errors import WmrError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.linear_algebra import least_norm, regularity
-from wmr_afl.numerics.parts import Part
+from wmr_afl.numerics.parts import Fault, Part
 from wmr_afl.numerics.vectors import per_entry
 
 
@@ -28,12 +28,15 @@ class LinearizingLaw(Part):
 
     def __init__(self, inputs: int, weights: ArrayLike = 1.0) -> None:
         self.weights = per_entry("input weights", weights, inputs)
-        if np.any(self.weights <= 0):
-            raise WmrError(f"input weights are {self.weights}", "choose positive ones")
+        self.check_numbers()
 
     @property
     def values(self) -> dict[str, Floats]:
         return {"input_weights": self.weights}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        wrong = np.any(k.input_weights <= 0, axis=-1)
+        yield wrong, lambda k: (f"input weights are {k.input_weights}", "choose positive ones")
 
     def inputs(
         self, x: Array, eta: Array, theta_hat: Array, c: Array, k: SimpleNamespace, model: Model

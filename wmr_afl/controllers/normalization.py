@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
 
 import numpy as np
 
 from wmr_afl.controllers.modification import Modification
-from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.linear_algebra import sum_of_squares
+from wmr_afl.numerics.parts import Fault
 
 
 class Normalization(Modification):
@@ -25,9 +25,8 @@ class Normalization(Modification):
     name = "normalization"
 
     def __init__(self, weight: float) -> None:
-        if not (np.isfinite(weight) and weight > 0):
-            raise WmrError(f"the normalization is {weight}", "choose a positive number")
         self.weight = np.array([float(weight)])
+        self.check_numbers()
 
     @classmethod
     def from_setting(cls, setting: float, parameters: Sequence[str]) -> Normalization:
@@ -36,6 +35,12 @@ class Normalization(Modification):
     @property
     def values(self) -> dict[str, Floats]:
         return {"weight": self.weight}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield (
+            ~np.all(np.isfinite(k.weight) & (k.weight > 0), axis=-1),
+            lambda k: (f"the normalization is {k.weight[0]:g}", "choose a positive number"),
+        )
 
     def modify(
         self,

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from math import pi
 from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.reference import Point
-from wmr_afl.errors import WmrError
 from wmr_afl.model.model import Model
-from wmr_afl.numerics.arrays import Array, Floats
-from wmr_afl.numerics.parts import Part
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.parts import Fault, Part
 from wmr_afl.numerics.rules import Rules
 from wmr_afl.numerics.vectors import per_entry
 from wmr_input.fields import Numbers, Table
@@ -41,11 +42,18 @@ class TrackingError:
 
 
 def tracking_error(x: Array, c: Array, reference: Point, model: Model) -> TrackingError:
-    """The error of the outputs at state x."""
-    return TrackingError(
-        model.output(x[: model.coordinate_count], c) - reference.position,
-        model.output_rate(x, c) - reference.velocity,
-    )
+    """The error of the outputs at state x; of angles the shorter way round, unless the reference counts turns."""
+    e = model.output(x[: model.coordinate_count], c) - reference.position
+    angles = [unit == "rad" and not reference.counts_turns for unit in model.output_units.values()]
+    if any(angles):
+        arrays = model.arrays
+        e = arrays.vector([within_half_a_turn(e[i], arrays) if is_angle else e[i] for i, is_angle in enumerate(angles)])
+    return TrackingError(e, model.output_rate(x, c) - reference.velocity)
+
+
+def within_half_a_turn(angle: Array, arrays: Arrays) -> Array:
+    """The angle [rad] less whole turns, from -pi up to pi; one that is there already stays as it is, to the bit."""
+    return angle - 2.0 * pi * arrays.floor(angle / (2.0 * pi) + 0.5)
 
 
 class OuterLoop(Part):
@@ -62,21 +70,27 @@ class OuterLoop(Part):
 
     def __init__(self, outputs: int, b1: ArrayLike, b2: ArrayLike, alpha: ArrayLike | None = None) -> None:
         self.b1, self.b2 = per_entry("b1", b1, outputs), per_entry("b2", b2, outputs)
-        if np.any(self.b1 <= 0) or np.any(self.b2 <= 0):
-            raise WmrError(
-                f"b1 = {self.b1}, b2 = {self.b2} do not stabilize the outer loop", "choose b1 > 0 and b2 > 0"
-            )
-        self.alpha = usual_alpha(self.b1, self.b2) if alpha is None else per_entry("alpha", alpha, outputs)
-        if np.any(self.alpha <= 0) or np.any(self.b1 <= self.alpha):
-            raise WmrError(
-                f"(s + alpha)/(s^2 + b1 s + b2) is not strictly positive real (35) with b1 = {self.b1}, "
-                f"b2 = {self.b2}, alpha = {self.alpha}",
-                "choose b1 > alpha > 0 (alpha is b2/b1 unless given)",
-            )
+        with np.errstate(all="ignore"):  # a b1 of zero is reported by the check
+            self.alpha = usual_alpha(self.b1, self.b2) if alpha is None else per_entry("alpha", alpha, outputs)
+        self.check_numbers()
 
     @property
     def values(self) -> dict[str, Floats]:
         return {"b1": self.b1, "b2": self.b2, "alpha": self.alpha}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield (
+            np.any((k.b1 <= 0) | (k.b2 <= 0), axis=-1),
+            lambda k: (f"b1 = {k.b1}, b2 = {k.b2} do not stabilize the outer loop", "choose b1 > 0 and b2 > 0"),
+        )
+        yield (
+            np.any((k.alpha <= 0) | (k.b1 <= k.alpha), axis=-1),
+            lambda k: (
+                f"(s + alpha)/(s^2 + b1 s + b2) is not strictly positive real (35) with b1 = {k.b1}, b2 = {k.b2}, "
+                f"alpha = {k.alpha}",
+                "choose b1 > alpha > 0 (alpha is b2/b1 unless given)",
+            ),
+        )
 
     def acceleration(self, error: TrackingError, reference: Point, k: SimpleNamespace) -> Array:
         """eta (27), the wanted y'', (n-m,)."""

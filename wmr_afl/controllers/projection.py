@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +11,7 @@ from pydantic import model_validator
 
 from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
-from wmr_afl.numerics.parts import Part
+from wmr_afl.numerics.parts import Fault, Part
 from wmr_afl.numerics.rules import Rules
 from wmr_input.errors import FieldError
 from wmr_input.fields import ByName, Positive, Table
@@ -56,8 +56,7 @@ class Projection(Part):
     def __init__(self, count: int, lower: ArrayLike = -np.inf, upper: ArrayLike = np.inf) -> None:
         self.lower = np.broadcast_to(np.asarray(lower, dtype=float), (count,)).copy()
         self.upper = np.broadcast_to(np.asarray(upper, dtype=float), (count,)).copy()
-        if not np.all(self.lower < self.upper):
-            raise WmrError(f"bounds {self.lower} to {self.upper} leave nothing", "choose lower < upper")
+        self.check_numbers()
 
     def check(self, estimate: Floats, names: Sequence[str]) -> None:
         """The first estimate must lie within the bounds.
@@ -76,6 +75,16 @@ class Projection(Part):
         """Bounds that bound anything."""
         bounds = {"lower": self.lower, "upper": self.upper}
         return {name: bound for name, bound in bounds.items() if np.isfinite(bound).any()}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        lower, upper = getattr(k, "lower", self.lower), getattr(k, "upper", self.upper)
+        yield (
+            ~np.all(lower < upper, axis=-1),
+            lambda k: (
+                f"bounds {getattr(k, 'lower', self.lower)} to {getattr(k, 'upper', self.upper)} leave nothing",
+                "choose lower < upper",
+            ),
+        )
 
     def project(self, theta_hat: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
         """The nearest estimate within the bounds, (n_theta,)."""

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
+from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.formulas import TimeFunction
+from wmr_afl.numerics.parts import Fixed
 from wmr_input.errors import FieldError
 from wmr_input.fields import Number, Positive, Table
 
@@ -52,12 +54,17 @@ class ReferenceTable(Table):
     figure_eight: FigureEight | None = None
     line: Line | None = None
     expressions: dict[str, str] | None = None
+    counts_turns: bool = False  # of outputs that are angles: an error of a whole turn counts
 
     @model_validator(mode="after")
     def _one_kind(self) -> ReferenceTable:
-        if sum(kind is not None for kind in vars(self).values()) != 1:
-            raise FieldError("names no or several trajectories", f"give one of {', '.join(vars(self))}")
+        if sum(kind is not None for kind in self.kinds().values()) != 1:
+            raise FieldError("names no or several trajectories", f"give one of {', '.join(self.kinds())}")
         return self
+
+    def kinds(self) -> dict[str, Any]:
+        """What may be given, one of them, by name."""
+        return {name: kind for name, kind in vars(self).items() if name != "counts_turns"}
 
 
 def circle(center: Sequence[float], radius: float, rate: float) -> list[str]:
@@ -82,22 +89,43 @@ class Point:
     position: Any
     velocity: Any
     acceleration: Any
+    counts_turns: bool = False  # an angle that is a whole turn off counts as an error
 
 
-class Reference:
+class Reference(Fixed):
     """A trajectory of the outputs, one expression of time for each; derivatives are taken from the expressions.
+
+    An output that is an angle is compared modulo a turn, unless the reference `counts_turns`.
 
     Raises:
         ExpressionError: if an expression is wrong.
     """
 
-    def __init__(self, expressions: Mapping[str, str]) -> None:
-        self.expressions = dict(expressions)
+    def __init__(self, expressions: Mapping[str, str], counts_turns: bool = False) -> None:
+        self.expressions, self.counts_turns = dict(expressions), counts_turns
         self._of_time = TimeFunction(list(expressions.values()), order=2)
+
+    def ordered(self, outputs: Sequence[str]) -> Reference:
+        """The same trajectory with one expression for each of these outputs, in their order.
+
+        Raises:
+            UnknownNameError: if it names another output.
+            WmrError: if an output has no expression.
+        """
+        for name in self.expressions:
+            if name not in outputs:
+                raise UnknownNameError("output", name, outputs)
+        for name in outputs:
+            if name not in self.expressions:
+                raise WmrError(f"output {name!r} has no reference", f'add {name} = "..."')
+        if list(self.expressions) == list(outputs):
+            return self
+        return Reference({name: self.expressions[name] for name in outputs}, self.counts_turns)
 
     def at(self, t: Any) -> Point:
         """The reference at time t [s]: columns if t is symbolic, NumPy vectors if it is a number."""
-        return Point(*self._of_time(t))
+        position, velocity, acceleration = self._of_time(t)
+        return Point(position, velocity, acceleration, self.counts_turns)
 
     def over(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """yr, yr', yr'' at all `times` (T,) [s], (T, n-m) each."""

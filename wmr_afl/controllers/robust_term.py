@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 
 import numpy as np
 
-from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats, norm
-from wmr_afl.numerics.parts import Part
+from wmr_afl.numerics.parts import Fault, Part
 from wmr_input.fields import NotNegative, Positive, Table
 
 _SMALLEST = 1e-300  # close to the smallest double; keeps 0/0 out once mu has decayed to zero
@@ -36,15 +36,9 @@ class RobustTerm(Part):
     name = "robust"
 
     def __init__(self, gamma: float, mu: float = 1.0, mu_decay: float = 1.0, leakage: float = 0.0) -> None:
-        if not (gamma > 0 and mu > 0 and mu_decay >= 0 and leakage >= 0):
-            raise WmrError(
-                f"gamma = {gamma}, mu = {mu}, mu_decay = {mu_decay}, leakage = {leakage}",
-                "choose gamma > 0, mu > 0, and the others zero or more",
-            )
-        if mu_decay == 0 and leakage == 0:
-            raise WmrError("with a constant mu the bound a_hat would grow without end (Remark 9)", "choose leakage > 0")
         self.start_mu = np.array([float(mu)])
         self.gains = {"gamma": gamma, "mu_decay": mu_decay, "leakage": leakage}
+        self.check_numbers()
 
     @property
     def values(self) -> dict[str, Floats]:
@@ -53,6 +47,20 @@ class RobustTerm(Part):
     @property
     def states(self) -> dict[str, Floats]:
         return {"a_hat": np.zeros(2), "mu": self.start_mu}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        start_mu = float(self.start_mu[0])
+        yield (
+            ~np.all((k.gamma > 0) & (start_mu > 0) & (k.mu_decay >= 0) & (k.leakage >= 0), axis=-1),
+            lambda k: (
+                f"gamma = {k.gamma[0]:g}, mu = {start_mu:g}, mu_decay = {k.mu_decay[0]:g}, leakage = {k.leakage[0]:g}",
+                "choose gamma > 0, mu > 0, and the others zero or more",
+            ),
+        )
+        yield (
+            np.all((k.mu_decay == 0) & (k.leakage == 0), axis=-1),
+            lambda k: ("with a constant mu the bound a_hat would grow without end (Remark 9)", "choose leakage > 0"),
+        )
 
     def acceleration(self, v: Array, filtered_error: Array, z: SimpleNamespace, arrays: Arrays) -> Array:
         """vR (71), (n-m,)."""

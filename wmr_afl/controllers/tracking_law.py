@@ -18,7 +18,7 @@ from wmr_afl.controllers.robust_term import RobustTable, RobustTerm
 from wmr_afl.errors import MissingTermError, ShapeError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
-from wmr_afl.numerics.parts import Part, Parts, prefixed
+from wmr_afl.numerics.parts import Fixed, Part, Parts, prefixed
 from wmr_afl.numerics.rules import Rule, Rules
 from wmr_afl.numerics.vectors import by_name
 from wmr_input.fields import Estimate, Number, Numbers, Table
@@ -48,7 +48,7 @@ class ControllerTable(Table):
         return rules
 
 
-class Knowledge:
+class Knowledge(Fixed):
     """What a controller knows of a robot: its equations, its known constants and a first estimate; never p.
 
     Raises:
@@ -61,11 +61,13 @@ class Knowledge:
         if not model.has("decoupling_matrix"):
             raise MissingTermError(f"model {model.name} has no outputs to track", "derive it with [outputs]")
         self.model = model
-        self.known, self.theta_hat = np.asarray(known, dtype=float), np.asarray(theta_hat, dtype=float)
+        self.known, self.theta_hat = np.array(known, dtype=float), np.array(theta_hat, dtype=float)
         count = len(model.base_parameter_units)
         if self.theta_hat.shape != (count,) or not np.all(np.isfinite(self.theta_hat)):
             names = ", ".join(model.base_parameter_units)
             raise ShapeError(f"the estimate has shape {self.theta_hat.shape}", f"expected ({count},) finite: {names}")
+        for array in (self.known, self.theta_hat):
+            array.flags.writeable = False
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class Action:
     regularity: Array  # of Dhat: positive if it is regular
 
 
-class TrackingLaw:
+class TrackingLaw(Fixed):
     """u = Dhat^-1 (eta - L_f^2 h - L_q L_f h_hat) with theta_hat' = Gamma W^T E1 (25); without adaptation frozen.
 
     A robust term (71) joins eta (74).

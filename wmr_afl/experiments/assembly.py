@@ -17,7 +17,7 @@ from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Reference, ReferenceTable
 from wmr_afl.controllers.robust_term import RobustTerm
 from wmr_afl.controllers.tracking_law import ControllerTable, Knowledge, TrackingLaw
-from wmr_afl.errors import UnknownNameError, WmrError
+from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import Experiment
 from wmr_afl.model.files import model_folder
 from wmr_afl.model.model import Model, load_model
@@ -94,14 +94,8 @@ class _Assembly:
         outputs = list(self.model.output_units)
         if table.expressions is not None:
             with self.at("[reference.expressions]"):
-                unknown = [name for name in table.expressions if name not in outputs]
-                if unknown:
-                    raise UnknownNameError("output", unknown[0], outputs)
-                missing = [name for name in outputs if name not in table.expressions]
-                if missing:
-                    raise WmrError(f"output {missing[0]!r} has no reference", f'add {missing[0]} = "..."')
-                return Reference({name: table.expressions[name] for name in outputs})
-        kind, given = next((kind, value) for kind, value in vars(table).items() if value is not None)
+                return Reference(table.expressions, table.counts_turns).ordered(outputs)
+        kind, given = next((kind, value) for kind, value in table.kinds().items() if value is not None)
         expressions: list[str] = getattr(reference, kind)(**given.model_dump())
         with self.at(f"[reference.{kind}]"):
             if len(expressions) != len(outputs):
@@ -109,7 +103,7 @@ class _Assembly:
                     f"gives {len(expressions)} coordinates for {len(outputs)} outputs ({', '.join(outputs)})",
                     "write [reference.expressions]",
                 )
-            return Reference(dict(zip(outputs, expressions, strict=True)))
+            return Reference(dict(zip(outputs, expressions, strict=True)), table.counts_turns)
 
     def _law(self, name: str, table: ControllerTable) -> TrackingLaw:
         model = self.model

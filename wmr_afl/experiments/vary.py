@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
 from wmr_afl.experiments.assembly import rules_of
 from wmr_afl.experiments.experiment import Experiment
-from wmr_afl.model.plausibility import check_robots
+from wmr_afl.model.plausibility import RobotFault, robot_faults
 from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.parts import by_part
 from wmr_afl.numerics.rules import Numbers
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.ensemble import Ensemble
@@ -39,7 +41,7 @@ class Differences:
         scale = {f"scale of {name}": factor for name, factor in self.scale.items()}
         seeds = {} if self.seeds is None else {"seeds": self.seeds}
         given: dict[str, Any] = {**self.parameters, **self.start, **self.gains, **scale, **seeds}
-        counts = {name: len(np.atleast_1d(np.asarray(value))) for name, value in given.items() if np.ndim(value)}
+        counts = {name: len(array) for name, value in given.items() if np.ndim(array := _numbers(name, value))}
         if len(set(counts.values())) > 1:
             listed = ", ".join(f"{name} {count}" for name, count in counts.items())
             raise ShapeError(f"the numbers of robots differ: {listed}")
@@ -56,28 +58,69 @@ def vary(experiment: Experiment, controller: str, loop: ClosedLoop, differences:
     Raises:
         UnknownNameError: if a name is not one of the loop's.
         ShapeError: if numbers of robots or shapes do not fit.
-        WmrError: if a name is ambiguous, or no robot can have these numbers.
+        WmrError: if a name is ambiguous, or a robot cannot have its numbers.
     """
+    ensemble, faults = vary_where_possible(experiment, controller, loop, differences)
+    for robot, (problem, remedy) in sorted(faults.items())[:1]:
+        where = f"robot {robot}: " if ensemble.count > 1 else ""
+        raise WmrError(where + problem, remedy)
+    return ensemble
+
+
+def vary_where_possible(
+    experiment: Experiment, controller: str, loop: ClosedLoop, differences: Differences
+) -> tuple[Ensemble, dict[int, tuple[str, str]]]:
+    """As `vary`, but robots that cannot have their numbers get those of the loop; with problem and remedy for each."""
     model, count = loop.model, differences.count
     factors: dict[str, dict[str, Floats]] = {"parameters": {}, "gains": {}}
     for name, factor in differences.scale.items():
         place, whole = _place(name, loop)
-        factors[place][whole] = np.broadcast_to(np.asarray(factor, dtype=float), (count,))
-    p = np.array(np.broadcast_to(model.replaced(loop.values["p"], differences.parameters), (count, _size(loop, "p"))))
+        factors[place][whole] = _column(f"scale of {name}", factor, count)
+    p = np.empty((count, len(model.parameter_units)))
+    p[:] = model.replaced(loop.values["p"], differences.parameters)
     for name, factor in factors["parameters"].items():
         p[:, list(model.parameter_units).index(name)] *= factor
-    check_robots(model, experiment.start, p)
     given = {"p": p, "x": _starts(loop, differences.start, count)}
     for name, column in differences.gains.items():
         whole = gain_name(name, loop)
-        given[whole] = _each(np.asarray(column, dtype=float), loop.values[whole], count, name)
+        given[whole] = _each(name, column, loop.values[whole], count)
     usual = {**loop.values, **loop.states}
-    numbers = Numbers(rules_of(experiment, controller, model), given, usual, factors["gains"])
-    seeds = np.zeros(0, dtype=np.int64)
-    if loop.plant.samples:
-        drawn = loop.plant.seed if differences.seeds is None else differences.seeds
-        seeds = np.broadcast_to(np.asarray(drawn, dtype=np.int64), (count,))
-    return Ensemble(_columns(numbers, loop.states, count), _columns(numbers, loop.values, count), seeds)
+    with np.errstate(all="ignore"):  # what is not finite is among the faults
+        numbers = Numbers(rules_of(experiment, controller, model), given, usual, factors["gains"])
+        values = {name: _spread(numbers[name], like, count).copy() for name, like in loop.values.items()}
+        states = {name: _spread(numbers[name], like, count).copy() for name, like in loop.states.items()}
+    faults: dict[int, tuple[str, str]] = {}
+    for is_wrong, describe in _faults(experiment, loop, values, states):
+        for robot in np.flatnonzero(is_wrong):
+            faults.setdefault(int(robot), describe(int(robot)))
+    for name, column in (*values.items(), *states.items()):
+        column[list(faults)] = usual[name]
+    return Ensemble(_columns(states), _columns(values), _seeds(loop, differences.seeds, count)), faults
+
+
+def _faults(
+    experiment: Experiment, loop: ClosedLoop, values: Mapping[str, Floats], states: Mapping[str, Floats]
+) -> Iterator[RobotFault]:
+    """What robots cannot have: the checks of a robot and of every part of its loop, for all robots at once."""
+    for name, column in (*values.items(), *states.items()):
+        is_bound = name in ("projection.lower", "projection.upper")  # which may be open
+        wrong = np.isnan(column) if is_bound else ~np.isfinite(column)
+        yield wrong.reshape(len(column), -1).any(axis=1), _not_finite(name)
+    yield from robot_faults(loop.model, experiment.start, values["p"])
+    k = by_part(values)
+    for own, (is_wrong, describe) in (*loop.plant.uncertainties.faults(k), *loop.law.parts.faults(k)):
+        yield is_wrong, _of_part(own, describe)
+
+
+def _not_finite(name: str) -> Callable[[int], tuple[str, str]]:
+    return lambda robot: (f"{name} is not finite", "give finite numbers")
+
+
+def _of_part(
+    k: SimpleNamespace, describe: Callable[[SimpleNamespace], tuple[str, str]]
+) -> Callable[[int], tuple[str, str]]:
+    """The description of a part's fault, for one robot out of all."""
+    return lambda robot: describe(SimpleNamespace(**{name: column[robot] for name, column in vars(k).items()}))
 
 
 def gain_name(name: str, loop: ClosedLoop) -> str:
@@ -127,10 +170,6 @@ def _short(gains: list[str]) -> list[str]:
     return [end if ends.count(end) == 1 else gain for gain, end in zip(gains, ends, strict=True)]
 
 
-def _size(loop: ClosedLoop, name: str) -> int:
-    return len(loop.values[name])
-
-
 def _starts(loop: ClosedLoop, start: Mapping[str, ArrayLike], count: int) -> Floats:
     """Every robot's state at the start, (N, 2n-m)."""
     names = list(loop.model.state_units)
@@ -138,24 +177,61 @@ def _starts(loop: ClosedLoop, start: Mapping[str, ArrayLike], count: int) -> Flo
     for name, column in start.items():
         if name not in names:
             raise UnknownNameError("state", name, names)
-        x[:, names.index(name)] = np.asarray(column, dtype=float)
+        x[:, names.index(name)] = _column(name, column, count)
     return x
 
 
-def _columns(numbers: Numbers, example: Mapping[str, Floats], count: int) -> Floats:
-    """Named numbers, one a robot or one for all, as columns in the layout of `example`."""
-    parts = [_each(numbers[name], like, count, name).reshape(count, -1) for name, like in example.items()]
+def _seeds(loop: ClosedLoop, seeds: ArrayLike | None, count: int) -> NDArray[np.int64]:
+    """Of the noise of each robot, (N,); (0,) if nothing is drawn."""
+    drawn = np.asarray(loop.plant.seed if seeds is None else seeds)
+    if drawn.dtype.kind not in "iu" or drawn.ndim > 1 or np.any(drawn < 0):
+        raise ShapeError(f"seeds are {seeds!r}", "expected whole numbers from zero, one for each robot")
+    return np.broadcast_to(drawn.astype(np.int64), (count if loop.plant.samples else 0,))
+
+
+def _column(name: str, given: ArrayLike, count: int) -> Floats:
+    """One number for all robots, or one for each, as (N,)."""
+    array = _numbers(name, given)
+    if array.shape not in ((), (count,)):
+        raise ShapeError(f"{name} has shape {array.shape}", f"expected one number, or {count}: one for each robot")
+    return np.broadcast_to(array, (count,))
+
+
+def _numbers(name: str, given: ArrayLike) -> Floats:
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ShapeError(f"{name} is not an array of numbers", "give one number for each robot") from None
+
+
+def _columns(numbers: Mapping[str, Floats]) -> Floats:
+    """Named numbers (N, ...) as columns, one a robot."""
+    count = len(next(iter(numbers.values())))
+    parts = [column.reshape(count, -1) for column in numbers.values()]
     return np.ascontiguousarray(np.concatenate([np.zeros((count, 0)), *parts], axis=1).T)
 
 
-def _each(array: Floats, example: Floats, count: int, name: str) -> Floats:
-    """An array for all robots or one for each, as one for each: (count, *shape of the example)."""
-    shape = np.shape(example)
-    if shape == (1,) and array.shape == (count,):  # one number a robot
-        array = array[:, None]
-    if np.isnan(array).any():
-        raise ShapeError(f"{name} holds what is no number (NaN)", "give numbers")
-    try:
-        return np.broadcast_to(array, (count, *shape))
-    except ValueError:
-        raise ShapeError(f"{name} has shape {array.shape}", f"expected {shape} or {(count, *shape)}") from None
+def _spread(array: Floats, example: Floats, count: int) -> Floats:
+    """Numbers shaped as the example, or with robots in front, as those of each: (N, ...)."""
+    return np.broadcast_to(array, (count, *np.shape(example)))
+
+
+def _each(name: str, given: ArrayLike, example: Floats, count: int) -> Floats:
+    """A gain as it is given, as that of each robot, (N, ...): by its shape for all, for each entry, or for each robot.
+
+    Raises:
+        ShapeError: if the shape fits none of these, or two of them.
+    """
+    array, shape = _numbers(name, given), np.shape(example)
+    whole = (count, *shape)
+    for_entries, for_robots = array.shape == shape, array.shape == (count,)
+    if for_entries and for_robots and count > 1:
+        raise ShapeError(
+            f"{name} has shape {array.shape}: one value for each of {count} entries, or one for each of {count} robots",
+            f"give the shape {whole}",
+        )
+    if for_robots:
+        array = array.reshape(count, *(1 for _ in shape))
+    elif array.shape not in ((), shape, whole):
+        raise ShapeError(f"{name} has shape {array.shape}", f"expected {(count,)}, {shape} or {whole}")
+    return np.broadcast_to(array, whole)

@@ -2,47 +2,76 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from wmr_afl.errors import WmrError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.formulas import numpy_value
+
+MASSES = ("kg", "kg m^2")  # units of parameters that cannot be negative
+
+RobotFault = tuple[Any, Callable[[int], tuple[str, str]]]  # which robots (N,), and problem and remedy for one of them
 
 
 def check_robots(model: Model, start: Mapping[str, float], parameters: Floats) -> None:
-    """Check that masses are not negative, base parameters finite, the inertia matrix positive definite at the start.
-
-    `parameters`: p (n_p,), or (N, n_p) for N robots.
+    """Check parameters p (n_p,), or (N, n_p) for N robots, that start at `start`.
 
     Raises:
-        WmrError: if a robot fails the check; the text describes the first one.
+        WmrError: if a robot cannot have them; the text describes the first one.
     """
-    names, robots = list(model.parameter_units), np.atleast_2d(parameters)
-    for column, (name, unit) in enumerate(model.parameter_units.items()):
-        if unit in ("kg", "kg m^2") and np.any(robots[:, column] < 0.0):
-            value = robots[np.argmax(robots[:, column] < 0.0), column]
-            raise WmrError(f"{name} = {value:g} {unit} is negative", "choose a mass or inertia that a robot can have")
+    for is_wrong, describe in robot_faults(model, start, np.atleast_2d(parameters)):
+        if np.any(is_wrong):
+            raise WmrError(*describe(int(np.argmax(is_wrong))))
 
-    def described(wrong: np.ndarray) -> str:
-        robot = robots[np.argmax(wrong)]
-        defaults = model.parameters()
-        changed = [f"{n} = {v:g}" for n, v, default in zip(names, robot, defaults, strict=True) if v != default]
-        return ", ".join(changed) or "the defaults"
+
+def robot_faults(model: Model, start: Mapping[str, float], robots: Floats) -> Iterator[RobotFault]:
+    """What no robot can have, for parameters p (N, n_p).
+
+    Masses and inertias are not negative, radii and torque gains positive, base parameters finite, and the inertia
+    matrix is positive definite at the start.
+    """
+    names = dict(zip(model.parameter_units, robots.T, strict=True))
+    for name, unit in model.parameter_units.items():
+        if unit in MASSES:
+            yield names[name] < 0.0, _negative(name, unit, names[name])
+    wheels, motors = model.metadata["geometry"]["wheels"], model.metadata["motors"]
+    for what, formula in (
+        *((f"the radius of wheel {wheel!r}", parts["radius"]) for wheel, parts in wheels.items()),
+        *((f"the torque gain of {motor!r}", parts["torque_gain"]) for motor, parts in motors.items()),
+    ):
+        with np.errstate(all="ignore"):
+            value = np.broadcast_to(numpy_value(formula, names), (len(robots),))
+        yield ~(value > 0.0), _not_positive(what, value)
+
+    def described(robot: int) -> str:
+        changed = zip(names, robots[robot], model.parameters(), strict=True)
+        return (
+            ", ".join(f"{name} = {value:g}" for name, value, default in changed if value != default) or "the defaults"
+        )
 
     states = list(model.state_units)[: model.coordinate_count]
     q = np.broadcast_to([start.get(name, 0.0) for name in states], (len(robots), len(states)))
     with np.errstate(all="ignore"):
         theta, inertia = model.base_parameters(robots), model.inertia_matrix(q, robots)
-    strange = ~np.isfinite(theta).all(axis=1)
-    if strange.any():
-        problem = f"the base parameters are not finite with {described(strange)}"
-        raise WmrError(problem, "choose values that a robot can have")
-    strange = ~np.isfinite(inertia).all(axis=(1, 2))
-    if not strange.any():
-        strange = np.linalg.eigvalsh(inertia)[:, 0] <= 0.0
-    if strange.any():
-        raise WmrError(
-            f"the inertia matrix is not positive definite with {described(strange)}", "choose positive masses"
-        )
+    yield (
+        ~np.isfinite(theta).all(axis=1),
+        lambda i: (f"the base parameters are not finite with {described(i)}", "choose values that a robot can have"),
+    )
+    finite = np.isfinite(inertia).all(axis=(1, 2))
+    inertia[~finite] = 0.0
+    yield (
+        ~(finite & (np.linalg.eigvalsh(inertia)[:, 0] > 0.0)),
+        lambda i: (f"the inertia matrix is not positive definite with {described(i)}", "choose positive masses"),
+    )
+
+
+def _negative(name: str, unit: str, values: Floats) -> Callable[[int], tuple[str, str]]:
+    return lambda i: (f"{name} = {values[i]:g} {unit} is negative", "choose a mass or inertia that a robot can have")
+
+
+def _not_positive(what: str, values: Floats) -> Callable[[int], tuple[str, str]]:
+    return lambda i: (f"{what} is {values[i]:g}", "choose a positive one")

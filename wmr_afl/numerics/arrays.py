@@ -24,6 +24,7 @@ class Arrays(Protocol):
     def sqrt(self, value: Array) -> Array: ...
     def absolute(self, value: Array) -> Array: ...
     def sign(self, value: Array) -> Array: ...
+    def floor(self, value: Array) -> Array: ...
     def maximum(self, a: Array, b: Array) -> Array: ...
     def minimum(self, a: Array, b: Array) -> Array: ...
     def where(self, condition: Array, a: Array, b: Array) -> Array: ...
@@ -33,7 +34,7 @@ class NumpyArrays:
     """Vectors of shape (n,)."""
 
     sin, cos, exp, sqrt = staticmethod(np.sin), staticmethod(np.cos), staticmethod(np.exp), staticmethod(np.sqrt)
-    absolute, sign = staticmethod(np.abs), staticmethod(np.sign)
+    absolute, sign, floor = staticmethod(np.abs), staticmethod(np.sign), staticmethod(np.floor)
     maximum, minimum, where = staticmethod(np.maximum), staticmethod(np.minimum), staticmethod(np.where)
 
     @staticmethod
@@ -49,7 +50,7 @@ class CasadiArrays:
     """Columns of shape (n, 1)."""
 
     sin, cos, exp, sqrt = staticmethod(ca.sin), staticmethod(ca.cos), staticmethod(ca.exp), staticmethod(ca.sqrt)
-    absolute, sign = staticmethod(ca.fabs), staticmethod(ca.sign)
+    absolute, sign, floor = staticmethod(ca.fabs), staticmethod(ca.sign), staticmethod(ca.floor)
     maximum, minimum, where = staticmethod(ca.fmax), staticmethod(ca.fmin), staticmethod(ca.if_else)
 
     @staticmethod

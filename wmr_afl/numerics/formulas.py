@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from wmr_afl.numerics.parts import Fixed
 from wmr_input import LONGEST_FORMULA, Algebra, evaluate
 
 _ON_ARRAYS = {  # functions in formulas of model.json
@@ -53,7 +54,7 @@ def time_expression(text: str, t: ca.SX) -> ca.SX:
     return ca.SX(evaluate(text, Algebra({"t": t, "pi": pi}, _OF_TIME, _number)))
 
 
-class TimeFunction:
+class TimeFunction(Fixed):
     """A vector of expressions of time `t` [s], with derivatives up to `order`.
 
     Raises:
@@ -61,11 +62,16 @@ class TimeFunction:
     """
 
     def __init__(self, expressions: Sequence[str], order: int = 0) -> None:
+        self._text = (tuple(expressions), order)
         t = ca.SX.sym("t")
         parts = [ca.vertcat(*(time_expression(text, t) for text in expressions))]
         for _ in range(order):
             parts.append(ca.jacobian(parts[-1], t))
         self.function = ca.Function("of_time", [t], [ca.densify(part) for part in parts])
+
+    def __reduce__(self) -> tuple[type[TimeFunction], tuple[Any, ...]]:
+        """A copy reads the expressions again."""
+        return TimeFunction, self._text
 
     def __call__(self, t: Any) -> list[Any]:
         """Value and derivatives at time t [s]: columns if t is symbolic, NumPy vectors if it is a number."""

@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import SimpleNamespace
 from typing import Any, ClassVar, Generic, TypeVar
+
+import numpy as np
 
 from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Floats
 
+Fault = tuple[Any, Callable[[SimpleNamespace], tuple[str, str]]]
 NOTHING = SimpleNamespace()  # numbers or states of a part that has none
 
 
-class Part:
+class _BuiltOnce(type):
+    """Makes what it builds fixed as soon as its constructor is done."""
+
+    def __call__(cls, *arguments: Any, **named: Any) -> Any:
+        one = super().__call__(*arguments, **named)
+        one.__dict__["_is_built"] = True
+        return one
+
+
+class Fixed(metaclass=_BuiltOnce):
+    """Cannot be changed once it is built: what was traced from it, and others that share it, would not notice."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if self.__dict__.get("_is_built"):
+            raise AttributeError(f"a {type(self).__name__} is fixed once it is built; build another one")
+        super().__setattr__(name, value)
+
+
+class Part(Fixed):
     """Something with numbers that may differ from robot to robot, and with states that change from sample to sample."""
 
     name: ClassVar[str]
@@ -27,6 +48,24 @@ class Part:
         """States at the start, by name."""
         return {}
 
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        """What numbers may not be: whether they are, (...), and problem and remedy, as text, for one robot.
+
+        `k` holds numbers by name, (..., size): those of one robot, or of many with robots in front.
+        """
+        return iter(())
+
+    def check_numbers(self) -> None:
+        """Checks the part's own numbers.
+
+        Raises:
+            WmrError: if they make no sense.
+        """
+        k = SimpleNamespace(**self.values)
+        for is_wrong, describe in self.faults(k):
+            if np.any(is_wrong):
+                raise WmrError(*describe(k))
+
 
 AnyPart = TypeVar("AnyPart", bound=Part)
 
@@ -39,6 +78,8 @@ class Parts(Generic[AnyPart]):
         for part in parts:
             if part is not None:
                 self._parts[self._free(part.name)] = part
+        for array in (*self.values.values(), *self.states.values()):
+            array.flags.writeable = False  # shared by all who run the loop
 
     def _free(self, name: str) -> str:
         numbered, count = name, 1
@@ -49,6 +90,10 @@ class Parts(Generic[AnyPart]):
 
     def __iter__(self) -> Iterator[AnyPart]:
         return iter(self._parts.values())
+
+    def faults(self, k: SimpleNamespace) -> Iterator[tuple[SimpleNamespace, Fault]]:
+        """The faults of all parts, each after the numbers of its part."""
+        return ((own, fault) for part, own in self.with_values(k) for fault in part.faults(own))
 
     @property
     def values(self) -> dict[str, Floats]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Literal
 
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 from wmr_afl.errors import WmrError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
+from wmr_afl.numerics.parts import Fault
 from wmr_afl.numerics.vectors import per_entry
 from wmr_afl.plant.loads import Place
 from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
@@ -56,8 +58,7 @@ class Friction(Uncertainty):
         self.place = Place(model, on)
         count = len(self.place.channels)
         self.viscous, self.coulomb = per_entry("viscous", viscous, count), per_entry("coulomb", coulomb, count)
-        if np.any(self.viscous < 0) or np.any(self.coulomb < 0):
-            raise WmrError(f"friction {self.viscous}, {self.coulomb} would drive the robot", "choose zero or more")
+        self.check_numbers()
         self.of_v = of_pseudo_velocities or not self.place.on_wheels
         if self.of_v and count != model.pseudo_velocity_count:
             raise WmrError(f"{count} wheels for {model.pseudo_velocity_count} pseudo-velocities", "leave `of` out")
@@ -65,6 +66,12 @@ class Friction(Uncertainty):
     @property
     def values(self) -> dict[str, Floats]:
         return {"viscous": self.viscous, "coulomb": self.coulomb}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield (
+            np.any((k.viscous < 0) | (k.coulomb < 0), axis=-1),
+            lambda k: (f"friction {k.viscous}, {k.coulomb} would drive the robot", "choose zero or more"),
+        )
 
     def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array:
         q, v = x[: model.coordinate_count], x[model.coordinate_count :]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import ClassVar
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.parts import Fault
 from wmr_afl.numerics.vectors import per_entry
 from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
 from wmr_input.fields import Numbers
@@ -36,12 +38,14 @@ class InputLimits(Uncertainty):
 
     def __init__(self, inputs: int, volts: ArrayLike) -> None:
         self.volts = per_entry("input limit", volts, inputs)
-        if (self.volts <= 0).any():
-            raise WmrError(f"the input limit is {self.volts}", "choose a positive voltage")
+        self.check_numbers()
 
     @property
     def values(self) -> dict[str, Floats]:
         return {"volts": self.volts}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield np.any(k.volts <= 0, axis=-1), lambda k: (f"the input limit is {k.volts}", "choose a positive voltage")
 
     def applied(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> Array:
         return arrays.minimum(arrays.maximum(u, -k.volts), k.volts)

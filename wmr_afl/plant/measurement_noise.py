@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Annotated, ClassVar
 
@@ -9,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.parts import Fault
 from wmr_afl.numerics.vectors import by_name, per_entry
 from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
 from wmr_input.fields import Named
@@ -40,12 +41,17 @@ class MeasurementNoise(Uncertainty):
 
     def __init__(self, states: int, deviation: ArrayLike, seed: int = 0) -> None:
         self.deviation, self.samples, self.seed = per_entry("noise deviation", deviation, states), states, seed
-        if np.any(self.deviation < 0):
-            raise WmrError(f"the noise deviation is {self.deviation}", "choose zero or more")
+        self.check_numbers()
 
     @property
     def values(self) -> dict[str, Floats]:
         return {"deviation": self.deviation}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield (
+            np.any(k.deviation < 0, axis=-1),
+            lambda k: (f"the noise deviation is {k.deviation}", "choose zero or more"),
+        )
 
     def measured(self, x: Array, sample: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
         return x + k.deviation * sample

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 from wmr_afl.errors import ShapeError, UnknownNameError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
-from wmr_afl.numerics.parts import Parts, prefixed
+from wmr_afl.numerics.parts import Fixed, Parts, prefixed
 from wmr_afl.plant.integrators import INTEGRATORS
 from wmr_afl.plant.uncertainty import Uncertainty
 
 
-class Plant:
+class Plant(Fixed):
     """x' = f + q + g u + xi (15), integrated over one sample with the input held.
 
     Raises:
@@ -33,8 +33,7 @@ class Plant:
         uncertainties: Sequence[Uncertainty] = (),
     ) -> None:
         """`parameters`: p (n_p,); `start`: x (2n-m,); `uncertainties` in the order in which they act."""
-        self.parameters = np.asarray(parameters, dtype=float)
-        self.start = np.asarray(start, dtype=float)
+        self.parameters, self.start = np.array(parameters, dtype=float), np.array(start, dtype=float)
         if self.start.shape != (len(model.state_units),) or not np.all(np.isfinite(self.start)):
             names = ", ".join(model.state_units)
             raise ShapeError(
@@ -43,6 +42,8 @@ class Plant:
         if integrator not in INTEGRATORS:
             raise UnknownNameError("integrator", integrator, INTEGRATORS)
         self.integrator, self.uncertainties = INTEGRATORS[integrator], Parts(uncertainties)
+        for array in (self.parameters, self.start):
+            array.flags.writeable = False
 
     @property
     def values(self) -> dict[str, Floats]:

@@ -16,14 +16,15 @@ from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.simulation.closed_loop import ClosedLoop, sample_times, trace
 from wmr_afl.simulation.ensemble import Ensemble
-from wmr_afl.simulation.kernels.block import Block, Watched
+from wmr_afl.simulation.failures import cause
+from wmr_afl.simulation.kernels.block import LANES, Block, Watched
 from wmr_afl.simulation.kernels.kernel import KERNELS, Kernel
 from wmr_afl.simulation.layout import Layout
 
 Record = Callable[[slice, slice, Floats], None]  # robots, samples, signals (samples, signals, robots)
-Blocks = Iterable[tuple[slice, Block]]  # with the place of each among the robots
+Causes = list[str]  # of failure, one for each robot of a block, empty if it did not fail
+Blocks = Iterable[tuple[slice, Block, Causes]]  # with the place of each among the robots
 
-LANES = 64  # robots of a block, few enough for their numbers to stay in the first-level cache
 CHUNK = 1000  # samples of noise or recorded signals at a time, which bounds the memory of a block
 
 
@@ -48,6 +49,7 @@ class BatchResult:
     largest_estimate: Floats  # (N,)
     final_state: Floats  # (N, 2n-m), one step after the last sample
     failure_time: Floats  # (N,) [s], NaN if it did not fail
+    failure_cause: NDArray[np.str_]  # (N,), empty if it did not fail
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -74,16 +76,16 @@ def advance_all(
         SimulationError: if `since` is not a time of the run.
     """
     blocks = []
-    for robots, block in advance_blocks(loop, ensemble, options, record):
+    for robots, block, causes in advance_blocks(loop, ensemble, options, record):
         options.progress(robots.stop - robots.start)
-        blocks.append((robots, block))
+        blocks.append((robots, block, causes))
     return _summary(blocks, loop, options)
 
 
 def advance_blocks(
     loop: ClosedLoop, ensemble: Ensemble, options: BatchOptions, record: Record | None = None
-) -> Iterator[tuple[slice, Block]]:
-    """Advance all robots; yield each block with its place among the robots.
+) -> Iterator[tuple[slice, Block, Causes]]:
+    """Advance all robots; yield each block with its place among the robots, and why those failed that failed.
 
     Neither the number of threads nor the place of a robot among the others changes a bit of its numbers.
 
@@ -101,20 +103,17 @@ def advance_blocks(
     counted_from = int(np.ceil(options.since / loop.sample_time - 1e-9))
     chunk = CHUNK if loop.plant.samples or record is not None else len(times)
 
-    def advance(robots: slice) -> tuple[slice, Block]:
-        chosen = ensemble.block(robots, kernel.lanes)
-        block, held = kernel.start(chosen.states), kernel.prepare(np.ascontiguousarray(chosen.values))
-        generators = [chosen.generator(robot) for robot in range(len(chosen.seeds))]
+    def advance(robots: slice) -> tuple[slice, Block, Causes]:
+        count, chosen = robots.stop - robots.start, ensemble.block(robots, kernel.lanes)
+        underway = _Underway(loop, kernel, chosen)
         for samples in _chunks(len(times), counted_from, chunk):
             if samples.start == counted_from:
-                block.count_from_here()
-            part, noise = times[samples], None
-            if loop.plant.samples:
-                noise = np.stack([normal_samples(g, len(part), loop.plant.samples) for g in generators], axis=-1)
-            rows = kernel.advance(block, part, noise, held)
+                underway.block.count_from_here()
+            rows = underway.advance(times[samples])
             if record is not None:
-                record(robots, samples, rows[:, :, : robots.stop - robots.start])
-        return robots, block
+                record(robots, samples, rows[:, :, :count])
+        failed = underway.block.failed[:count]
+        return robots, underway.block, _causes(_Underway(loop, kernel, chosen), failed, times)
 
     places = (slice(a, min(a + kernel.lanes, ensemble.count)) for a in range(0, ensemble.count, kernel.lanes))
     if options.threads <= 1:
@@ -133,9 +132,44 @@ def kernel_of(loop: ClosedLoop, backend: str, logged: bool) -> Kernel:
 def watched_signals(loop: ClosedLoop) -> Watched:
     """What is summarized of each run: tracking errors, inputs and estimates."""
     places = {name: tuple(range(place.start, place.stop)) for name, place in loop.signal_layout.places.items()}
-    return Watched(
-        places["regularity"][0], places["e"], (*((i,) for i in places["e"] + places["u"]), places["theta_hat"])
-    )
+    sized = (*((entry,) for entry in places["e"] + places["u"]), places["theta_hat"])
+    return Watched(places["regularity"][0], loop.checked, places["e"], sized)
+
+
+class _Underway:
+    """A block of robots on its way, with the streams of their noise."""
+
+    def __init__(self, loop: ClosedLoop, kernel: Kernel, robots: Ensemble) -> None:
+        self.loop, self.robots, self._kernel = loop, robots, kernel
+        self.block, self._held = kernel.start(robots.states), kernel.prepare(np.ascontiguousarray(robots.values))
+        self._generators = [robots.generator(robot) for robot in range(len(robots.seeds))]
+
+    def advance(self, times: Floats) -> Floats:
+        """The signals at `times` (T,) [s], (T, signals, robots), if the kernel logs them."""
+        noise, size = None, self.loop.plant.samples
+        if size:
+            noise = np.stack([normal_samples(one, len(times), size) for one in self._generators], axis=-1)
+        return self._kernel.advance(self.block, times, noise, self._held)
+
+
+def _causes(again: _Underway, failed: Floats, times: Floats) -> Causes:
+    """Why robots failed, for their first samples that were not sound: the block runs again up to the last of these."""
+    causes = [""] * len(failed)
+    for sample in sorted({int(sample) for sample in failed[np.isfinite(failed)]}):
+        if sample > again.block.samples:
+            again.advance(times[again.block.samples : sample])
+        for robot in np.flatnonzero(failed == sample):
+            causes[robot] = _cause(again, int(robot), sample, float(times[sample]))
+    return causes
+
+
+def _cause(there: _Underway, robot: int, sample: int, t: float) -> str:
+    loop, values = there.loop, there.robots.values[:, robot]
+    noise = np.zeros(loop.plant.samples)
+    if loop.plant.samples:
+        noise = normal_samples(there.robots.generator(robot), sample + 1, loop.plant.samples)[-1]
+    row = trace(loop)(there.block.state[:, robot], t, noise, values)[1].full()[:, 0]
+    return cause(loop, t, loop.signal_layout.unpack(row), Layout(loop.values).unpack(values))
 
 
 def _chunks(count: int, cut: int, size: int) -> Iterator[slice]:
@@ -146,7 +180,7 @@ def _chunks(count: int, cut: int, size: int) -> Iterator[slice]:
 
 def _summary(blocks: Blocks, loop: ClosedLoop, options: BatchOptions) -> BatchResult:
     """Finished blocks as one result."""
-    kept = [(robots.stop - robots.start, block) for robots, block in blocks]
+    kept = [(robots.stop - robots.start, block) for robots, block, _ in blocks]
     outputs, inputs = loop.signals["e"], loop.signals["u"]  # as `watched_signals` orders them
     times = sample_times(loop, options.duration)
     counted = int(np.count_nonzero(times >= options.since - 1e-9 * loop.sample_time))
@@ -163,4 +197,5 @@ def _summary(blocks: Blocks, loop: ClosedLoop, options: BatchOptions) -> BatchRe
         largest_estimate=np.where(lost, np.inf, largest[:, -1]),
         final_state=gathered(lambda block: block.state[Layout(loop.states).places["x"]]),
         failure_time=np.where(lost, failed, np.nan) * loop.sample_time,
+        failure_cause=np.array([why for _, _, causes in blocks for why in causes]),
     )

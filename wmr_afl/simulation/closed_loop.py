@@ -29,6 +29,15 @@ class ClosedLoop:
     reference: Reference
     sample_time: float
 
+    def __post_init__(self) -> None:
+        """The reference in the order of the model's outputs.
+
+        Raises:
+            UnknownNameError: if the reference names another output.
+            WmrError: if an output has no reference.
+        """
+        object.__setattr__(self, "reference", self.reference.ordered(list(self.model.output_units)))
+
     @functools.cached_property
     def values(self) -> dict[str, Floats]:
         """Parameters and gains: the numbers that may differ between robots of a batch, which share the step."""
@@ -52,6 +61,26 @@ class ClosedLoop:
             "reference": outputs,
             "regularity": 1,
         }
+
+    @functools.cached_property
+    def checked(self) -> tuple[int, ...]:
+        """Entries of a row of signals that must be finite: then all are.
+
+        The command takes in the errors, and a state that is not a number usually shows in it; those that do not are
+        found by trying each.
+        """
+        places = self.signal_layout.places
+        command = range(places["command"].start, places["command"].stop)
+        state, unseen = Layout(self.states).pack(self.states), []
+        numbers, sample = Layout(self.values).pack(self.values), np.zeros(self.plant.samples)
+        for name in ("x", "theta_hat"):
+            for entry in range(places[name].start, places[name].stop):
+                wrong = state.copy()
+                wrong[Layout(self.states).places[name].start + entry - places[name].start] = np.nan
+                row = trace(self)(wrong, 0.0, sample, numbers)[1].full()[:, 0]
+                if np.isfinite(row[list(command)]).all():
+                    unseen.append(entry)
+        return (*command, *unseen)
 
     @functools.cached_property
     def signal_layout(self) -> Layout:

@@ -46,7 +46,8 @@ class Run:
     @property
     def output(self) -> Floats:
         """y = h(q), (T, n-m)."""
-        return self.error + self.reference
+        model = self.model.in_library("numpy")
+        return np.asarray(model.output(self.state[:, : model.coordinate_count], self.known))
 
     def rms(self, since: float = 0.0, until: float = np.inf) -> Floats:
         """Root mean square of the tracking error from `since` to `until` [s], (n-m,).

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.simulation.closed_loop import ClosedLoop, sample_times
 from wmr_afl.simulation.ensemble import Ensemble
+from wmr_afl.simulation.failures import cause
 from wmr_afl.simulation.layout import Layout
 from wmr_afl.simulation.result import Failure, Run
 from wmr_afl.simulation.steppers import stepper
@@ -54,11 +55,12 @@ def simulate(
     times, signals = sample_times(loop, duration), loop.signal_layout
     robot = robot or _as_it_is(loop)
     noise = normal_samples(robot.generator(0), len(times), loop.plant.samples) if loop.plant.samples else None
+    numbers = Layout(loop.values).unpack(robot.values[:, 0])
     blocks, done, failure = [], 0, None
     with np.errstate(all="ignore"):  # `_failure` looks for what is not finite
         for chunk in stepper(backend)(loop, robot, times, noise):
             blocks.append(chunk.rows)
-            failure = None if chunk.is_sound else _failure(chunk.rows, times[done:], signals)
+            failure = None if chunk.is_sound else _failure(chunk.rows, times[done:], loop, numbers)
             done = done + len(chunk.rows) if failure is None else int(np.searchsorted(times, failure.time))
             progress(len(chunk.rows))
             if failure is not None:
@@ -66,7 +68,6 @@ def simulate(
                 break
     rows = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
     logged = {signal: rows[:done, place] for signal, place in signals.places.items()}
-    numbers = Layout(loop.values).unpack(robot.values[:, 0])
     return Run(
         controller=name,
         model=loop.model,
@@ -88,18 +89,12 @@ def _as_it_is(loop: ClosedLoop) -> Ensemble:
     return Ensemble.of([loop])
 
 
-def _failure(block: Floats, times: Floats, signals: Layout) -> Failure | None:
+def _failure(rows: Floats, times: Floats, loop: ClosedLoop, numbers: Mapping[str, Floats]) -> Failure | None:
     """The failure at the first sample that is singular or not finite; None if there is none."""
-    regularity = block[:, signals.places["regularity"]][:, 0]
-    if np.isfinite(block.sum()) and regularity.min() > 0.0:  # the usual case, checked fast
+    signals = loop.signal_layout
+    sound = np.isfinite(rows).all(axis=1) & (rows[:, signals.places["regularity"].start] > 0.0)
+    if sound.all():
         return None
-    finite = np.isfinite(block).all(axis=1)
-    bad = np.flatnonzero(~finite | (regularity <= 0.0))
-    if not len(bad):
-        return None
-    k = int(bad[0])
-    for signal, cause in _CAUSES.items():
-        value = block[k, signals.places[signal]]
-        if not np.isfinite(value).all() or (signal == "regularity" and value[0] <= 0.0):
-            return Failure(float(times[k]), cause)
-    return Failure(float(times[k]), "a signal is not finite")
+    first = int(np.argmin(sound))
+    time = float(times[first])
+    return Failure(time, cause(loop, time, signals.unpack(rows[first]), numbers))

@@ -13,7 +13,7 @@ from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.parts import by_part
 from wmr_afl.simulation.closed_loop import ClosedLoop, trace
 from wmr_afl.simulation.ensemble import Ensemble
-from wmr_afl.simulation.kernels.block import Watched
+from wmr_afl.simulation.kernels.block import LANES, Watched
 from wmr_afl.simulation.kernels.kernel import KERNELS, Kernel
 from wmr_afl.simulation.layout import Layout
 
@@ -56,21 +56,24 @@ def _numpy_steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats
         yield Chunk(loop.signal_layout.pack(now)[None, :], False)
 
 
-def _steps_of(backend: str, chunk: int) -> Stepper:
+def _steps_of(backend: str, chunk: int, lanes: int = 1) -> Stepper:
     """Steps in chunks of this many samples, by a kernel that runs the traced step."""
 
     @functools.lru_cache(maxsize=32)
     def kernel_of(loop: ClosedLoop) -> Kernel:
-        return KERNELS[backend](trace(loop), Watched(loop.signal_layout.places["regularity"].start), 1, True)
+        return KERNELS[backend](
+            trace(loop), Watched(loop.signal_layout.places["regularity"].start, loop.checked), lanes, True
+        )
 
     def steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats | None) -> Iterator[Chunk]:
         kernel = kernel_of(loop)
-        block, held = kernel.start(robot.states), kernel.prepare(robot.values)
+        robots = robot.block(slice(0, 1), kernel.lanes)
+        block, held = kernel.start(robots.states), kernel.prepare(np.ascontiguousarray(robots.values))
         for start in range(0, len(times), chunk):
             part = slice(start, start + chunk)
-            sample = None if noise is None else noise[part, :, None]
+            sample = None if noise is None else np.repeat(noise[part, :, None], kernel.lanes, axis=2)
             rows = kernel.advance(block, times[part], sample, held)[:, :, 0]
-            yield Chunk(rows, kernel.sees_all and block.failed[0] == np.inf)
+            yield Chunk(rows, bool(block.failed[0] == np.inf))
 
     return steps
 
@@ -88,5 +91,6 @@ _STEPPERS: dict[str, Stepper] = {
     "numpy": _numpy_steps,
     "casadi": _casadi_steps,
     "compiled": _steps_of("compiled", COMPILED_CHUNK),
+    "lockstep": _steps_of("compiled", CHUNK, LANES),  # as robots of a batch run, to the same bits
     "auto": _fastest_steps,
 }

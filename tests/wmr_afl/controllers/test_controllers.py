@@ -17,8 +17,11 @@ from wmr_afl.controllers import (
     Projection,
     TrackingLaw,
 )
+from wmr_afl.controllers.outer_loop import tracking_error, within_half_a_turn
+from wmr_afl.controllers.reference import Point, Reference
 from wmr_afl.controllers.tracking_law import Action
-from wmr_afl.errors import ShapeError, WmrError
+from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
+from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.laws import Situation
 from wmr_afl.model.model import load_model
 from wmr_afl.numerics.arrays import CASADI, NUMPY
@@ -169,3 +172,51 @@ def test_adaptation_sees_the_commanded_or_the_applied_input(sees_applied: bool) 
     found = law.update(x, action, applied, z, k, model, 0.1)["theta_hat"]
     regressor = model.regressor(x, applied if sees_applied else action.input, knowledge.known)
     np.testing.assert_allclose(found, knowledge.theta_hat + 0.1 * regressor.T @ action.filtered_error, rtol=1e-12)
+
+
+def test_an_angle_is_compared_modulo_a_turn_and_other_outputs_are_not(robot: str) -> None:
+    """The same pose with a heading that is turns apart asks for the same motion; a reference may count turns."""
+    s = Situation(robot, count=5)
+    outputs = [index for index, unit in enumerate(s.numpy.output_units.values()) if unit == "rad"]
+    for x, c in zip(s.x, s.c, strict=True):
+        y = np.asarray(s.numpy.output(x[: s.numpy.coordinate_count], c))
+        for shift in (-4.0 * np.pi, 0.0, 2.0 * np.pi):
+            position = y - 0.1
+            position[outputs] += shift
+            zero = np.zeros_like(y)
+            error = tracking_error(x, c, Point(position, zero, zero), s.numpy).e
+            np.testing.assert_allclose(error, 0.1, atol=1e-12)
+            counted = tracking_error(x, c, Point(position, zero, zero, counts_turns=True), s.numpy).e
+            np.testing.assert_allclose(counted[outputs], 0.1 - shift, atol=1e-12)
+
+
+def test_the_shorter_way_round_is_taken_from_either_side() -> None:
+    angles = np.array([-np.pi, -3.0, 0.0, 3.0, 3.14159, 4.0, -4.0, 100.0])
+    found = within_half_a_turn(angles, NUMPY)
+    np.testing.assert_array_equal(found[:5], angles[:5])  # to the bit
+    np.testing.assert_allclose(np.exp(1j * found), np.exp(1j * angles), atol=1e-12)
+    assert np.all(np.abs(found) <= np.pi)
+
+
+def test_a_reference_names_every_output_once_in_any_order() -> None:
+    model = load_model("type_2_0")
+    plain, turned = Reference({"y1": "t", "y2": "2*t"}), Reference({"y2": "2*t", "y1": "t"})
+    np.testing.assert_array_equal(turned.ordered(list(model.output_units)).at(3.0).position, plain.at(3.0).position)
+    with pytest.raises(UnknownNameError, match="unknown output 'lat'"):
+        Reference({"lat": "t", "lon": "t"}).ordered(list(model.output_units))
+    with pytest.raises(WmrError, match="output 'y2' has no reference; add y2"):
+        Reference({"y1": "t"}).ordered(list(model.output_units))
+
+
+def test_what_is_built_cannot_be_changed() -> None:
+    """What was traced from it, and others that share it, would not notice."""
+    loop = load_experiment("study_1").loops["AFL"]
+    for one, name in (
+        (loop.law, "adaptation"), (loop.law.outer_loop, "b1"), (loop.law.knowledge, "theta_hat"), (loop.plant, "start"),
+        (loop.reference, "expressions"),
+    ):  # fmt: skip
+        with pytest.raises(AttributeError, match="is fixed once it is built"):
+            setattr(one, name, getattr(one, name))
+    for array in (*loop.values.values(), *loop.states.values()):
+        with pytest.raises(ValueError, match="read-only"):
+            array[...] = 0.0

@@ -87,10 +87,10 @@ MISTAKES = {
         "[parameters]\nm_C = -50.0\n[start]",
         ["[parameters]", "negative", "m_C = -50"],
     ),
-    "parameters without finite base parameters": (
+    "a wheel without a radius": (
         "[start]",
         "[parameters]\nr = 0.0\n[start]",
-        ["[parameters]", "not finite", "r = 0"],
+        ["[parameters]", "the radius of wheel 'right' is 0", "positive"],
     ),
     "run shorter than a sample": ("duration = 0.1", "duration = 0.01", ["[simulation]", "sample_time exceeds"]),
     "more samples than memory": ("sample_time = 0.02", "sample_time = 1e-9", ["[simulation]", "too many"]),

@@ -68,7 +68,7 @@ def clash(tmp_path: Path) -> Path:
     description = DESCRIPTIONS["type_2_0"].read_text().replace("L = {", "b1 = {").replace("L*", "b1*")
     (tmp_path / "clash.toml").write_text(description.replace('"type_2_0"', '"clash"'))
     files = generate_one(tmp_path / "clash.toml")
-    write({f"models/clash/{name}": text for name, text in files.items()}, tmp_path)
+    write({f"clash/{name}": text for name, text in files.items()}, tmp_path / "models")
     study = (EXPERIMENTS / "study_1.toml").read_text().replace('"type_2_0"', '"models/clash"')
     (tmp_path / "study.toml").write_text(study.replace("duration = 140.0", "duration = 101.0"))
     return tmp_path / "study.toml"

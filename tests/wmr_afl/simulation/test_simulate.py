@@ -190,7 +190,7 @@ def test_a_plant_that_means_nothing_is_refused(make) -> None:
 @pytest.mark.parametrize("backend", ["numpy", "casadi"])
 def test_a_run_that_fails_at_its_first_sample_says_what_is_not_finite(backend: str, tmp_path: Path) -> None:
     loop = replace(eight(), reference=Reference({"y1": "sqrt(t - 1)", "y2": "t"}))
-    with pytest.warns(SimulationWarning, match="t = 0 s: the reference or the output is not finite"):
+    with pytest.warns(SimulationWarning, match="t = 0 s: the reference, or a derivative of it, is not finite"):
         run = simulate(loop, 1.0, "AFL $x$", backend)
     assert run.time.shape == (0,)
     assert run.reference.shape == (0, 2)

@@ -14,14 +14,16 @@ from numpy.typing import NDArray
 
 from wmr_afl.errors import InputError, UnknownNameError, WmrError
 from wmr_afl.experiments.assembly import assemble
+from wmr_afl.experiments.campaigns.result import IMPOSSIBLE
 from wmr_afl.experiments.distributions import BLOCK, CampaignTable, draws, noise_seeds
 from wmr_afl.experiments.experiment import Experiment
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.experiments.vary import Differences, gain_name, vary
+from wmr_afl.experiments.vary import Differences, gain_name, vary_where_possible
 from wmr_afl.model.files import is_shipped
-from wmr_afl.simulation.batch import LANES, BatchOptions, advance_all, kernel_of, watched_signals
+from wmr_afl.simulation.batch import BatchOptions, advance_all, kernel_of, watched_signals
 from wmr_afl.simulation.closed_loop import ClosedLoop, trace
 from wmr_afl.simulation.ensemble import Ensemble
+from wmr_afl.simulation.kernels.block import LANES
 from wmr_afl.simulation.kernels.compiled import Kernel as CompiledKernel
 from wmr_afl.simulation.kernels.compiled import kernel_text
 from wmr_afl.simulation.kernels.kernel import KERNELS
@@ -73,23 +75,35 @@ def prepare(experiment: str | Path, controller: str | None = None, backend: str 
         backend = "compiled" if isinstance(kernel_of(loop, "auto", False), CompiledKernel) else "casadi"
     job = Job(described, table, name, files, backend, _fingerprint(described, table, name, loop, backend))
     with mistakes_at(path, "[campaign]"):
-        ensemble_of(job, loop, 0, BLOCK)
+        faults = ensemble_of(job, loop, 0, BLOCK)[2]
+        if len(faults) == BLOCK:
+            raise WmrError(f"draws what no robot can have: {faults[0][0]}", faults[0][1])
     return job
 
 
 def run_block(job: Job, block: int, count: int, threads: int = 1) -> Columns:
     """The first `count` runs of a block: the same numbers wherever it is run."""
     loop = loop_of(job)
-    columns, ensemble = ensemble_of(job, loop, block, count)
+    columns, ensemble, faults = ensemble_of(job, loop, block, count)
     options = BatchOptions(job.experiment.simulation.duration, job.table.since, threads, job.backend)
-    return {**columns, **asdict(advance_all(loop, ensemble, options))}
+    result = asdict(advance_all(loop, ensemble, options))
+    for run in faults:
+        for name in ("rms", "largest_error", "largest_input", "largest_estimate"):
+            result[name][run] = np.inf
+        result["failure_time"][run] = 0.0
+    causes = [
+        f"{IMPOSSIBLE}{faults[run][0]}" if run in faults else why for run, why in enumerate(result["failure_cause"])
+    ]
+    return {**columns, **result, "failure_cause": np.array(causes)}
 
 
-def ensemble_of(job: Job, loop: ClosedLoop, block: int, count: int) -> tuple[Columns, Ensemble]:
-    """What the runs of a block draw, and the robots that follow from it.
+def ensemble_of(
+    job: Job, loop: ClosedLoop, block: int, count: int
+) -> tuple[Columns, Ensemble, dict[int, tuple[str, str]]]:
+    """What the runs of a block draw, the robots that follow from it, and what those cannot have that are impossible.
 
     Raises:
-        WmrError: if nothing is drawn, or no robot can have these numbers.
+        WmrError: if nothing is drawn, or a name is not one of the loop's.
     """
     columns: Columns = dict(draws(job.table, block, count))
     if loop.plant.samples:
@@ -105,7 +119,7 @@ def ensemble_of(job: Job, loop: ClosedLoop, block: int, count: int) -> tuple[Col
         for name, column in drawn("gains").items()
     }
     differences = Differences(drawn("parameters"), drawn("start"), gains, drawn("scale"), columns.get("noise_seed"))
-    return columns, vary(job.experiment, job.controller, loop, differences)
+    return columns, *vary_where_possible(job.experiment, job.controller, loop, differences)
 
 
 def loop_of(job: Job) -> ClosedLoop:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
@@ -14,6 +15,7 @@ from wmr_afl.experiments.distributions import SuccessTable
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.batch import BatchResult
 
+IMPOSSIBLE = "impossible draw: "  # in front of the cause, if a robot cannot have what was drawn for it
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99)  # of the quantiles that are printed and saved
 
 
@@ -40,6 +42,17 @@ class CampaignResult:
             if bound is not None:
                 kept &= np.all(getattr(self.runs, name) <= bound, axis=1)
         return kept
+
+    @property
+    def impossible(self) -> int:
+        """How many runs drew what no robot can have; they count as failed at 0 s."""
+        return int(np.count_nonzero(np.char.startswith(self.runs.failure_cause, IMPOSSIBLE)))
+
+    def causes(self) -> dict[str, int]:
+        """How many runs failed for which cause, the most frequent first; impossible draws as one."""
+        kinds = (cause.partition("; ")[0] for cause in self.runs.failure_cause if cause)
+        counts = Counter(IMPOSSIBLE.rstrip(": ") if kind.startswith(IMPOSSIBLE) else kind for kind in kinds)
+        return dict(counts.most_common())
 
     def success_rate(self, confidence: float = 0.95) -> tuple[float, float, float]:
         """The share of runs that succeeded, with Wilson's bounds at this confidence."""
@@ -71,6 +84,7 @@ class CampaignResult:
             "run": int(index),
             "drawn": {name: column[index].item() for name, column in self.draws.items()},
             "failed_at": None if np.isnan(failure) else float(failure),
+            "cause": str(self.runs.failure_cause[index]) or None,
             **{name: _finite(column[index]) for name, column in self.measures().items()},
         }
 
@@ -82,6 +96,8 @@ class CampaignResult:
             "runs": len(self),
             "seed": self.seed,
             "failed": int(np.count_nonzero(self.runs.failed)),
+            "impossible": self.impossible,
+            "causes": self.causes(),
             "success": {
                 "criteria": {name: bound for name, bound in vars(self.criteria).items() if bound is not None},
                 "rate": rate,

@@ -11,7 +11,7 @@ import numpy as np
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.campaigns.job import Columns, Job, ensemble_of, loop_of, prepare
 from wmr_afl.experiments.campaigns.ledger import Ledger, clear
-from wmr_afl.experiments.campaigns.result import CampaignResult
+from wmr_afl.experiments.campaigns.result import IMPOSSIBLE, CampaignResult
 from wmr_afl.experiments.campaigns.workers import here, on_cluster
 from wmr_afl.experiments.distributions import BLOCK
 from wmr_afl.simulation.batch import BatchResult
@@ -94,5 +94,11 @@ def replay(experiment: str | Path, index: int, controller: str | None = None, ba
         raise WmrError(f"there is no run {index}", "runs are counted from 0")
     job = prepare(experiment, controller)
     loop, (block, row) = loop_of(job), divmod(index, BLOCK)
-    robot = ensemble_of(job, loop, block, BLOCK)[1].block(slice(row, row + 1), 1)
+    _, ensemble, faults = ensemble_of(job, loop, block, BLOCK)
+    if row in faults:
+        problem, remedy = faults[row]
+        raise WmrError(f"run {index} is an {IMPOSSIBLE}{problem}", remedy)
+    robot = ensemble.block(slice(row, row + 1), 1)
+    if backend == "auto":  # as the campaign ran it, so that both end at the same sample
+        backend = "lockstep" if job.backend == "compiled" else job.backend
     return simulate(loop, job.experiment.simulation.duration, f"{job.controller}, run {index}", backend, robot=robot)

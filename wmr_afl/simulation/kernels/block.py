@@ -9,6 +9,7 @@ import numpy as np
 
 from wmr_afl.numerics.arrays import Floats
 
+LANES = 64  # robots of a block, few enough for their numbers to stay in the first-level cache
 CACHE_LINE = 64  # bytes, of usual processors; a vector across two lines costs two accesses
 
 
@@ -17,6 +18,7 @@ class Watched:
     """Entries of the signals that are summarized while a loop runs."""
 
     regularity: int  # the run fails if it is not positive
+    checked: tuple[int, ...] = ()  # the run fails if one of them is not finite
     squared: tuple[int, ...] = ()  # whose squares are summed
     sized: tuple[tuple[int, ...], ...] = ()  # groups of which the largest size is kept
 

@@ -36,7 +36,7 @@ class Kernel:
     """
 
     def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
-        self.lanes, self.watched, self.sees_all = lanes, watched, logged
+        self.lanes, self.watched = lanes, watched
         self.signals = step.size1_out(1) if logged else 0
         text, self._held, self._reads_noise = kernel_text(step, watched, lanes, logged)
         self._prepare, self._advance, self._advance_bare = _functions(text)
@@ -92,6 +92,7 @@ def kernel_text(step: ca.Function, watched: Watched, lanes: int, logged: bool) -
         squared=watched.squared,
         sized=watched.sized,
         regularity=watched.regularity,
+        checked=[program.results[1][entry] for entry in watched.checked],
         logged=logged,
     )
     return text, len(program.held), reads_noise

@@ -11,11 +11,13 @@ import numpy as np
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.kernels.block import Block, Watched
 
+FOLDED = 1000  # samples; folding fewer steps into one function costs more than it saves
+
 
 class InterpretedKernel:
     """`step` (state, t, sample, values) -> (next, signals), called like a `compiled.Kernel`, robot by robot."""
 
-    lanes, sees_all = 1, False
+    lanes = 1
 
     def __init__(self, step: ca.Function, watched: Watched, lanes: int = 1, logged: bool = False) -> None:
         self.watched, self._logged = watched, logged
@@ -35,19 +37,20 @@ class InterpretedKernel:
         samples = np.zeros((len(times), 0)) if noise is None else noise[:, :, 0]
         inputs = np.column_stack([times, block.samples + np.arange(len(times), dtype=float), samples])
         given = np.concatenate([block.rows, held])[:, 0]
-        if self._logged:
-            given, signals = self._log(given, inputs)
+        if self._logged or len(times) < FOLDED:
+            given, signals = self._one_by_one(given, inputs)
         else:
             given, signals = self._folded(len(times))(given, inputs.T).full()[:, 0], np.empty((len(times), 0))
         block.rows[:, 0] = given[: len(block.rows)]
         block.samples += len(times)
         return signals[:, :, None]
 
-    def _log(self, given: Floats, inputs: Floats) -> tuple[Floats, Floats]:
+    def _one_by_one(self, given: Floats, inputs: Floats) -> tuple[Floats, Floats]:
         """`given` after all `inputs`, and the signals (T, signals); the loop allocates no array."""
         now, following = given.copy(), given.copy()
-        given_now, signals = np.zeros(self._counting.size1_in(1)), np.zeros(self._counting.size1_out(1))
-        run = bind(self._counting, (now, given_now), (following, signals))
+        given_now, logged = np.zeros(self._counting.size1_in(1)), self._counting.n_out() > 1
+        signals = np.zeros(self._counting.size1_out(1) if logged else 0)
+        run = bind(self._counting, (now, given_now), (following, signals) if logged else (following,))
         rows = np.empty((len(inputs), len(signals)))
         for i in range(len(inputs)):
             given_now[:] = inputs[i]
@@ -74,7 +77,9 @@ def counting(step: ca.Function, watched: Watched, logged: bool) -> ca.Function:
         for place in group:
             size = ca.if_else(ca.fabs(signals[place]) > size, ca.fabs(signals[place]), size)  # NaN never counts
         largest.append(size)
-    failed = ca.if_else(signals[watched.regularity] > 0.0, kept[-1], ca.fmin(number, kept[-1]))
+    whole = ca.sum1(signals[list(watched.checked)]) if watched.checked else ca.SX(0.0)
+    is_sound = ca.logic_and(signals[watched.regularity] > 0.0, ca.fabs(whole) < ca.inf)  # x - x is zero to CasADi
+    failed = ca.if_else(is_sound, kept[-1], ca.fmin(number, kept[-1]))
     after = ca.vertcat(following, *squares, *largest, failed, values)
     outputs = ca.cse([after, signals] if logged else [after])
     return ca.Function("counting", [ca.vertcat(kept, values), ca.vertcat(t, number, sample)], outputs)

@@ -19,7 +19,6 @@ class Kernel(Protocol):
     """Advances a block of robots: `start`, `prepare` once, then `advance` as often as wanted."""
 
     lanes: int
-    sees_all: bool  # whether a signal that is not finite counts as a failure, too
 
     def start(self, state: Floats) -> Block: ...
     def prepare(self, values: Floats) -> Floats: ...

@@ -223,7 +223,7 @@ CAMPAIGN = STUDY_1[STUDY_1.index("[campaign]") :]
         ("[campaign.parameters]\nm = { uniform = [1.0, 2.0] }", "unknown parameter .* 'm'"),
         ("[campaign.gains]\nGama = { uniform = [1.0, 2.0] }", "did you mean 'Gamma'"),
         ("[campaign.scale]\nGama = { uniform = [1.0, 2.0] }", "did you mean 'Gamma'"),
-        ("[campaign.parameters]\nm_C = { normal = [1.0, 10.0] }", "m_C = -.* kg is negative"),
+        ("[campaign.parameters]\nm_C = { uniform = [-2.0, -1.0] }", "what no robot can have: m_C = -.* kg is negative"),
         ('[campaign]\ncontroller = "PID"\n[campaign.start]\nx = { choice = [1.0] }', "unknown controller 'PID'"),
         ("[campaign]\nsince = 141.0\n[campaign.start]\nx = { choice = [1.0] }", "a run ends at 140 s"),
         ("[campaign]\nsuccess = { rms = 0.0 }\n[campaign.start]\nx = { choice = [1.0] }", "greater than 0"),

@@ -216,7 +216,7 @@ def test_the_projection_acts_on_the_estimate_after_its_step(random) -> None:
         one = GradientAdaptation(2, 1.0, projection=projection)
         k = by_part({f"{part.name}.{name}": value for part in one.parts for name, value in part.values.items()})
         np.testing.assert_array_equal(one.update(W, E1, np.zeros(2), k, NUMPY, 1.0), expected)
-        assert set(projection.values) == {name for name in bounds}
+        assert set(projection.values) == set(bounds)
 
 
 def test_a_first_estimate_may_lie_on_a_bound_but_not_beyond() -> None:

@@ -1,0 +1,457 @@
+"""What a campaign amounts to, from results that are made by hand; and what a campaign's fingerprint knows."""
+
+import json
+from pathlib import Path
+from statistics import NormalDist
+
+import numpy as np
+import pytest
+
+import wmr_afl
+from wmr_afl.analysis.campaign_plots import BINS, _binned, draw_errors, draw_success, write
+from wmr_afl.experiments.campaigns import CampaignResult
+from wmr_afl.experiments.campaigns.job import ensemble_of, loop_of, prepare, run_block
+from wmr_afl.experiments.campaigns.ledger import Ledger, clear
+from wmr_afl.experiments.campaigns.result import LEVELS, wilson
+from wmr_afl.experiments.distributions import BLOCK, CampaignTable, Distribution, SuccessTable, draw, draws, noise_seeds
+from wmr_afl.simulation.batch import BatchResult
+from wmr_afl.simulation.layout import Layout
+from wmr_input import InputError, WmrError
+from wmr_input.toml_file import validate
+
+NAN, INF = np.nan, np.inf
+
+
+def result(rms: list[list[float]], failure: list[float] | None = None, **other) -> CampaignResult:
+    """A campaign of two outputs and two motors; what is not given is the same for all runs."""
+    count = len(rms)
+    times = np.array([NAN] * count if failure is None else failure)
+    runs = BatchResult(
+        rms=np.array(rms),
+        largest_error=other.get("largest_error", 2.0 * np.array(rms)),
+        largest_input=other.get("largest_input", np.tile([1.0, 2.0], (count, 1))),
+        largest_estimate=np.arange(1.0, count + 1.0),
+        final_state=np.zeros((count, 5)),
+        failure_time=times,
+    )
+    drawn = {"start.x": np.linspace(0.0, 1.0, count)}
+    return CampaignResult(
+        "AFL", {"y1": "m", "y2": "rad"}, {"u_r": "V", "u_l": "V"}, 3, drawn, runs, other.get("success", SuccessTable())
+    )
+
+
+def test_a_run_succeeds_if_every_output_keeps_every_bound_and_nothing_failed() -> None:
+    """One output above one bound is enough to fail; a bound is kept by what equals it."""
+    errors = [[0.1, 0.9], [0.5, 0.5], [0.1, 0.1], [0.9, 0.1], [0.1, 0.1]]
+    failure = [NAN, NAN, NAN, NAN, 3.0]
+    one = result(errors, failure, success=SuccessTable(rms=0.5))
+    assert one.succeeded.tolist() == [False, True, True, False, False]
+    assert result(errors, failure).succeeded.tolist() == [True, True, True, True, False]
+    volts = np.array([[1.0, 9.0], [9.0, 1.0], [5.0, 5.0], [1.0, 1.0], [1.0, 1.0]])
+    both = result(errors, failure, largest_input=volts, success=SuccessTable(rms=0.5, largest_input=5.0))
+    assert both.succeeded.tolist() == [False, False, True, False, False]
+    largest = result(errors, failure, success=SuccessTable(largest_error=0.3))
+    assert largest.succeeded.tolist() == [False, False, True, False, False]
+
+
+def test_quantiles_are_never_too_optimistic() -> None:
+    """A level's quantile is a run's own measure, the higher one of two; failures count as infinite."""
+    one = result([[0.1, 0.2], [0.4, 0.3], [INF, INF], [0.3, 0.1]], [NAN, NAN, 1.0, NAN])
+    found = one.quantiles([0.0, 0.1, 0.5, 0.7, 1.0])
+    assert found["RMS error of y1 [m]"].tolist() == [0.1, 0.3, 0.4, INF, INF]
+    assert found["RMS error of y2 [rad]"].tolist() == [0.1, 0.2, 0.3, INF, INF]
+    assert one.quantiles()["largest estimate"].shape == (len(LEVELS),)
+
+
+def test_measures_are_of_every_output_and_of_the_motor_that_needs_most() -> None:
+    """Each named with its unit."""
+    volts = np.array([[1.0, 3.0], [4.0, 2.0]])
+    found = result([[0.1, 0.2], [0.3, 0.4]], largest_input=volts).measures()
+    assert {name: column.tolist() for name, column in found.items()} == {
+        "RMS error of y1 [m]": [0.1, 0.3],
+        "RMS error of y2 [rad]": [0.2, 0.4],
+        "largest error of y1 [m]": [0.2, 0.6],
+        "largest error of y2 [rad]": [0.4, 0.8],
+        "largest input [V]": [3.0, 4.0],
+        "largest estimate": [1.0, 2.0],
+    }
+
+
+def test_the_worst_runs_are_those_that_failed_early_then_those_with_the_largest_error() -> None:
+    """Of equals the first; by the larger RMS error of any output."""
+    errors = [[0.1, 0.2], [0.9, 0.1], [INF, INF], [0.1, 0.9], [INF, INF], [0.3, 0.3]]
+    one = result(errors, [NAN, NAN, 7.0, NAN, 2.0, NAN])
+    assert one.worst(6).tolist() == [4, 2, 1, 3, 5, 0]
+    assert one.worst(2).tolist() == [4, 2]
+    assert len(result([[0.1, 0.1]] * 12).worst()) == 10
+
+
+def test_a_run_is_described_by_what_it_drew_and_what_it_came_to() -> None:
+    """Infinite measures are null, numbers have nine digits."""
+    one = result([[0.123456789123, 0.2], [INF, INF]], [NAN, 7.0])
+    assert one.describe(0) == {
+        "run": 0, "drawn": {"start.x": 0.0}, "failed_at": None, "RMS error of y1 [m]": 0.123456789,
+        "RMS error of y2 [rad]": 0.2, "largest error of y1 [m]": 0.246913578, "largest error of y2 [rad]": 0.4,
+        "largest input [V]": 2.0, "largest estimate": 1.0,
+    }  # fmt: skip
+    failed = one.describe(1)
+    assert (failed["failed_at"], failed["RMS error of y1 [m]"]) == (7.0, None)
+
+
+def test_a_summary_counts_what_there_is() -> None:
+    """And is what stands in summary.json."""
+    one = result([[0.1, 0.2], [INF, INF], [0.3, 0.4], [0.9, 0.1]], [NAN, 2.0, NAN, NAN], success=SuccessTable(rms=0.5))
+    found = one.summary()
+    assert (found["controller"], found["runs"], found["seed"], found["failed"]) == ("AFL", 4, 3, 1)
+    rate, low, high = wilson(2, 4, 0.95)
+    assert found["success"] == {"criteria": {"rms": 0.5}, "rate": rate, "confidence_95": [low, high]}
+    assert found["levels"] == list(LEVELS)
+    assert found["quantiles"]["RMS error of y1 [m]"][-1] is None
+    assert [run["run"] for run in found["worst"]] == [1, 3, 2, 0]
+    assert json.loads(json.dumps(found)) == found
+    assert len(one) == 4
+    assert one.success_rate() == (rate, low, high)
+
+
+@pytest.mark.parametrize("trials", [1, 7, 50, 1000])
+@pytest.mark.parametrize("confidence", [0.8, 0.95])
+def test_wilsons_bounds_solve_his_equation(trials: int, confidence: float) -> None:
+    """|share - p| = z sqrt(p (1 - p)/n) at both bounds p, which lie within 0 and 1 around the share."""
+    z = NormalDist().inv_cdf((1.0 + confidence) / 2.0)
+    for successes in {0, 1, trials // 2, trials}:
+        share, low, high = wilson(successes, trials, confidence)
+        assert share == successes / trials
+        assert 0.0 <= low <= share + 1e-15 <= high + 2e-15 <= 1.0 + 2e-15
+        for p in (low, high):
+            assert abs(share - p) == pytest.approx(z * np.sqrt(p * (1.0 - p) / trials), abs=1e-12)
+        assert low < high
+
+
+def test_bars_reach_from_the_bound_below_to_the_bound_above() -> None:
+    """In each bin of a drawn quantity, in percent; asymmetric where few succeed."""
+    column = np.arange(100.0)
+    succeeded = column >= 95.0
+    places, rates, bars = _binned(column, succeeded)
+    assert (places.shape, rates.shape, bars.shape) == ((BINS,), (BINS,), (2, BINS))
+    np.testing.assert_array_equal(places, 4.5 + 10.0 * np.arange(10))
+    np.testing.assert_array_equal(rates, [0.0] * 9 + [50.0])
+    none, half = wilson(0, 10, 0.95), wilson(5, 10, 0.95)
+    np.testing.assert_allclose(bars[:, 0], [0.0, 100.0 * none[2]], atol=1e-12)
+    np.testing.assert_allclose(bars[:, -1], 100.0 * np.array([0.5 - half[1], half[2] - 0.5]), rtol=1e-12)
+
+
+def test_of_a_choice_of_few_values_each_is_a_bin() -> None:
+    """However often it was drawn."""
+    column = np.array([2.0, 1.0, 1.0, 2.0, 1.0])
+    places, rates, _ = _binned(column, np.array([True, True, False, True, False]))
+    assert places.tolist() == [1.0, 2.0]
+    np.testing.assert_allclose(rates, [100.0 / 3.0, 100.0])
+
+
+def test_curves_end_at_the_share_of_all_runs_that_did_not_fail() -> None:
+    """A failure lowers the curve: the share is one of all runs."""
+    one = result([[0.1, 0.2], [INF, INF], [0.3, 0.4], [0.2, 0.1]], [NAN, 2.0, NAN, NAN], success=SuccessTable(rms=0.35))
+    axes = draw_errors(one).axes[0]
+    first, second = axes.lines[:2]
+    np.testing.assert_array_equal(first.get_xdata(), [0.1, 0.2, 0.3])
+    np.testing.assert_array_equal(first.get_ydata(), [25.0, 50.0, 75.0])
+    np.testing.assert_array_equal(second.get_xdata(), [0.1, 0.2, 0.4])
+    assert first.get_label() == "y1 [m]"
+    assert axes.lines[2].get_xdata()[0] == 0.35
+    rate, low, high = one.success_rate()
+    assert axes.texts[0].get_text() == f"success {rate:.1%}"
+    extent = axes.patches[0].get_extents().transformed(axes.transData.inverted())
+    np.testing.assert_allclose([extent.y0, extent.y1], [100.0 * low, 100.0 * high], rtol=1e-9)
+
+
+def test_success_is_drawn_over_every_quantity_but_seeds() -> None:
+    """One panel each."""
+    one = result([[0.1, 0.2]] * 4)
+    one.draws["noise_seed"] = np.arange(4)
+    one.draws["scale.m_C"] = np.arange(4.0)
+    assert [axes.get_xlabel() for axes in draw_success(one).axes] == ["start.x", "scale.m_C"]
+    only = result([[0.1, 0.2]] * 4)
+    only.draws.clear()
+    only.draws["noise_seed"] = np.arange(4)
+    assert [axes.get_xlabel() for axes in draw_success(only).axes] == ["noise_seed"]
+
+
+def test_files_of_a_campaign_are_its_summary_and_two_figures(tmp_path: Path) -> None:
+    """summary.json holds what `summary` gives."""
+    one = result([[0.1, 0.2], [0.3, 0.4]])
+    files = write(one, tmp_path / "folder")
+    assert [file.name for file in files] == ["summary.json", "errors.png", "errors.svg", "success.png", "success.svg"]
+    assert json.loads(files[0].read_text()) == one.summary()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(WmrError, match="cannot be written"):
+        write(one, tmp_path / "file" / "folder")
+
+
+EXPERIMENT = """
+title = "one"
+robot = "type_2_0"
+[parameters]
+m_C = 30.0
+[start]
+x = 2.5
+[reference]
+circle = { center = [0.0, 0.0], radius = 2.6, rate = 0.2 }
+[simulation]
+duration = 0.2
+sample_time = 0.02
+integrator = "euler"
+[uncertainties]
+input_limits = { volts = 24.0 }
+[controllers.AFL]
+estimate = 1.0
+outer_loop = { b1 = 2.0, b2 = 1.0 }
+[controllers.other]
+estimate = 2.0
+outer_loop = { b1 = 2.0, b2 = 1.0 }
+[campaign]
+since = 0.1
+seed = 1
+success = { rms = 0.05 }
+[campaign.scale]
+m_C = { uniform = [0.9, 1.1] }
+"""
+
+
+def fingerprint(path: Path, text: str = EXPERIMENT, **options) -> str:
+    path.write_text(text)
+    return prepare(path, **{"backend": "casadi", **options}).fingerprint
+
+
+CHANGES = {
+    "duration": ("duration = 0.2", "duration = 0.22"),
+    "sample time": ("sample_time = 0.02", "sample_time = 0.01"),
+    "integrator": ('"euler"', '"rk4"'),
+    "start": ("x = 2.5", "x = 2.4"),
+    "parameters": ("m_C = 30.0", "m_C = 31.0"),
+    "parameters that are the defaults": ("[parameters]\n", "[parameters]\nr = 0.15\n"),
+    "reference": ("radius = 2.6", "radius = 2.7"),
+    "estimate": ("estimate = 1.0", "estimate = 1.1"),
+    "gain": ("b1 = 2.0, b2 = 1.0 }\n[controllers.other]", "b1 = 2.1, b2 = 1.0 }\n[controllers.other]"),
+    "alpha that is the usual one": ("b2 = 1.0 }\n[controllers.other]", "b2 = 1.0, alpha = 0.5 }\n[controllers.other]"),
+    "limits": ("volts = 24.0", "volts = 23.0"),
+    "another uncertainty": ("[uncertainties]\n", '[uncertainties]\nlateral_slip = { speed = "0" }\n'),
+    "since": ("since = 0.1", "since = 0.08"),
+    "seed": ("seed = 1", "seed = 2"),
+    "a distribution": ("[0.9, 1.1]", "[0.9, 1.2]"),
+    "another draw": ("[campaign.scale]\n", "[campaign.scale]\nI_C = { uniform = [0.9, 1.1] }\n"),
+}
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_campaign_that_would_give_other_numbers_is_another_one(change: str, tmp_path: Path) -> None:
+    """Each single change, so that blocks of two campaigns never meet."""
+    old, new = CHANGES[change]
+    assert old in EXPERIMENT
+    assert fingerprint(tmp_path / "one.toml") != fingerprint(tmp_path / "one.toml", EXPERIMENT.replace(old, new, 1))
+
+
+def test_controller_and_backend_belong_to_a_campaign(tmp_path: Path) -> None:
+    """Others give other numbers, or other last digits."""
+    path = tmp_path / "one.toml"
+    prints = [fingerprint(path), fingerprint(path, controller="other"), fingerprint(path, backend="compiled")]
+    assert len(set(prints)) == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [('"one"', '"two"'), ("rms = 0.05", "rms = 0.06"), ("estimate = 2.0", "estimate = 3.0")]
+)
+def test_a_change_that_changes_no_number_keeps_the_blocks(old: str, new: str, tmp_path: Path) -> None:
+    """Titles, what counts as success, and other controllers."""
+    path = tmp_path / "one.toml"
+    assert fingerprint(path) == fingerprint(path, EXPERIMENT.replace(old, new, 1))
+
+
+@pytest.mark.parametrize("blocks", [0, 2])
+def test_a_run_is_replayed_from_its_own_block(blocks: int, tmp_path: Path) -> None:
+    """Run k is row k mod BLOCK of block k div BLOCK: with its noise, its start and its numbers."""
+    path, row = tmp_path / "one.toml", 5
+    path.write_text(
+        EXPERIMENT.replace("[uncertainties]", "[uncertainties]\nmeasurement_noise = { deviation = 0.01 }")
+        + "[campaign.start]\nphi = { normal = [0.1, 0.1] }\n"
+    )
+    job = prepare(path, backend="casadi")
+    columns = run_block(job, blocks, row + 1)
+    run = wmr_afl.replay(path, blocks * BLOCK + row, backend="numpy")
+    np.testing.assert_allclose(run.rms(since=0.1 - 1e-12), columns["rms"][row], rtol=1e-10)
+    np.testing.assert_allclose(np.abs(run.input[5:]).max(axis=0), columns["largest_input"][row], rtol=1e-10)
+    assert run.state[0, 2] == columns["start.phi"][row]
+    assert run.controller == f"AFL, run {blocks * BLOCK + row}"
+    assert run.parameters[list(run.model.parameter_units).index("m_C")] == pytest.approx(
+        30.0 * columns["scale.m_C"][row]
+    )
+    for wrong in (-1, 10_000_000):
+        with pytest.raises(WmrError, match=f"no run {wrong}"):
+            wmr_afl.replay(path, wrong)
+
+
+def test_draws_reach_the_robots_as_their_places_say(tmp_path: Path) -> None:
+    """Parameters and starts as numbers, gains in every entry, scales as factors; seeds only with noise."""
+    path = tmp_path / "one.toml"
+    tables = """
+[campaign.parameters]
+I_C = { uniform = [10.0, 11.0] }
+[campaign.start]
+phi = { uniform = [0.1, 0.2] }
+[campaign.gains]
+b1 = { uniform = [3.0, 4.0] }
+"""
+    path.write_text(EXPERIMENT + tables)
+    job = prepare(path, backend="casadi")
+    loop = loop_of(job)
+    columns, ensemble = ensemble_of(job, loop, 1, 3)
+    assert set(columns) == {"parameters.I_C", "start.phi", "gains.b1", "scale.m_C"}
+    values, states = Layout(loop.values).places, Layout(loop.states).places
+    names = list(loop.model.parameter_units)
+    p = ensemble.values[values["p"]]
+    np.testing.assert_array_equal(p[names.index("I_C")], columns["parameters.I_C"])
+    np.testing.assert_allclose(p[names.index("m_C")], 30.0 * columns["scale.m_C"], rtol=1e-15)
+    np.testing.assert_array_equal(ensemble.states[states["x"]][2], columns["start.phi"])
+    np.testing.assert_array_equal(ensemble.values[values["outer_loop.b1"]], np.tile(columns["gains.b1"], (2, 1)))
+    np.testing.assert_allclose(ensemble.values[values["outer_loop.alpha"]][0], 1.0 / columns["gains.b1"], rtol=1e-15)
+
+
+def test_a_campaign_gathers_its_blocks_in_order(tmp_path: Path) -> None:
+    """Also if some are there already; progress counts all of them, and the first runs of a block are enough."""
+    path, out, done = tmp_path / "one.toml", tmp_path / "out", []
+    path.write_text(EXPERIMENT)
+    few = wmr_afl.campaign(path, 30, out=out, backend="compiled")
+    whole = wmr_afl.campaign(path, BLOCK + 20, out=out, backend="compiled", progress=done.append)
+    np.testing.assert_array_equal(few.runs.rms, whole.runs.rms[:30])
+    assert done == [BLOCK, 20]
+    again = []
+    same = wmr_afl.campaign(path, BLOCK + 10, out=out, backend="compiled", progress=again.append)
+    assert again == [BLOCK, 10]
+    np.testing.assert_array_equal(same.runs.rms, whole.runs.rms[: BLOCK + 10])
+    job = prepare(path, backend="compiled")
+    np.testing.assert_array_equal(whole.runs.rms[BLOCK:], run_block(job, 1, 20)["rms"])
+    np.testing.assert_array_equal(whole.draws["scale.m_C"][BLOCK:], draws(job.table, 1, 20)["scale.m_C"])
+    assert (whole.controller, whole.seed, whole.criteria.rms) == ("AFL", 1, 0.05)
+    assert (list(whole.outputs), list(whole.inputs)) == (["y1", "y2"], ["u_r", "u_l"])
+    for wrong in (0, 10_000_001):
+        with pytest.raises(WmrError, match="choose 1 to 10000000"):
+            wmr_afl.campaign(path, wrong)
+
+
+def test_a_ledger_keeps_whole_blocks_of_one_campaign(tmp_path: Path) -> None:
+    """What is damaged, of another campaign or of another block is not read; fewer runs than there are can be."""
+    columns = {"rms": np.arange(10.0).reshape(5, 2), "failure_time": np.arange(5.0)}
+    ledger = Ledger(tmp_path / "out", "mine")
+    assert ledger.read(0, 5) is None
+    ledger.write(0, columns)
+    for count in (5, 3):
+        found = ledger.read(0, count)
+        assert set(found) == set(columns)
+        for name, column in columns.items():
+            np.testing.assert_array_equal(found[name], column[:count])
+    assert ledger.read(0, 6) is None
+    assert Ledger(tmp_path / "out", "mine").read(0, 5) is not None
+    (block,) = (tmp_path / "out").glob("block_*.npz")
+    block.rename(block.with_name("block_000001.npz"))
+    assert ledger.read(1, 5) is None
+    with pytest.raises(WmrError, match="holds another campaign"):
+        Ledger(tmp_path / "out", "another")
+    (tmp_path / "out" / "block_000002.npz").write_bytes(b"damaged")
+    assert ledger.read(2, 1) is None
+    (tmp_path / "out" / "mine.txt").write_text("a file of somebody else")
+    (tmp_path / "out" / ".unfinished-1-block").write_text("")
+    clear(tmp_path / "out")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["mine.txt"]
+    (tmp_path / "out" / "campaign.json").write_text("{")
+    with pytest.raises(WmrError, match="is damaged"):
+        Ledger(tmp_path / "out", "mine")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(WmrError, match="cannot be written"):
+        Ledger(tmp_path / "file" / "out", "mine")
+
+
+class Half:
+    """A stream whose every number is in the middle of what it may be, or one deviation above it."""
+
+    def random(self, size: int) -> np.ndarray:
+        return np.full(size, 0.25)
+
+    def standard_normal(self, size: int) -> np.ndarray:
+        return np.full(size, 1.0)
+
+    def integers(self, high: int, size: int) -> np.ndarray:
+        return np.arange(size) % high
+
+
+@pytest.mark.parametrize(
+    ("distribution", "expected"),
+    [
+        (Distribution(uniform=[1.0, 3.0]), 1.5),
+        (Distribution(log_uniform=[1.0, 16.0]), 2.0),
+        (Distribution(normal=[1.0, 3.0]), 4.0),
+    ],
+)
+def test_a_draw_is_its_distributions_quantile(distribution: Distribution, expected: float) -> None:
+    """Of the stream's number, one for each run of a block."""
+    np.testing.assert_allclose(draw(distribution, Half()), np.full(BLOCK, expected), rtol=1e-14)
+
+
+def test_a_choice_draws_each_of_its_values() -> None:
+    """As likely as any other."""
+    np.testing.assert_array_equal(draw(Distribution(choice=[5.0, 7.0]), Half())[:4], [5.0, 7.0, 5.0, 7.0])
+
+
+def test_seeds_of_noise_are_each_runs_own() -> None:
+    """Different for every run, block and seed of the campaign."""
+    table = CampaignTable(seed=1)
+    seeds = [noise_seeds(table, 0, 50), noise_seeds(table, 1, 50), noise_seeds(CampaignTable(seed=2), 0, 50)]
+    assert len(np.unique(np.concatenate(seeds))) == 150
+    np.testing.assert_array_equal(noise_seeds(table, 0, 10), seeds[0][:10])
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, "no distribution"),
+        ({"uniform": [0.0, 1.0], "normal": [0.0, 1.0]}, "uniform and normal"),
+        ({"uniform": [1.0, 1.0]}, "is empty"),
+        ({"log_uniform": [2.0, 1.0]}, "is empty"),
+        ({"log_uniform": [0.0, 1.0]}, "above zero"),
+        ({"normal": [0.0, 0.0]}, "deviation of 0"),
+        ({"choice": []}, "choice"),
+        ({"uniform": [1.0]}, "uniform"),
+    ],
+)
+def test_a_distribution_that_cannot_be_drawn_is_refused(given: dict, words: str) -> None:
+    """Exactly one kind, a range that holds something."""
+    with pytest.raises(InputError, match=words):
+        validate(given, Distribution, "file")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("since = 0.1", "since = 0.3", "a run ends at 0.2 s"),
+        ("[campaign.scale]\nm_C = { uniform = [0.9, 1.1] }", "", "draws nothing"),
+        ("seed = 1", 'controller = "PID"', "unknown controller 'PID'"),
+        ("m_C = { uniform", "mass = { uniform", "'mass'"),
+    ],
+)
+def test_a_campaign_that_cannot_be_run_is_reported(old: str, new: str, words: str, tmp_path: Path) -> None:
+    """Before anything runs."""
+    path = tmp_path / "one.toml"
+    path.write_text(EXPERIMENT.replace(old, new))
+    with pytest.raises(WmrError, match=words):
+        prepare(path, backend="casadi")
+    path.write_text(EXPERIMENT.split("[campaign]")[0])
+    with pytest.raises(WmrError, match=r"\[campaign\]: is missing"):
+        prepare(path)
+    with pytest.raises(WmrError, match="backend of a campaign"):
+        prepare(path, backend="numpy")
+
+
+def test_the_end_of_a_run_is_a_time_from_which_errors_may_count(tmp_path: Path) -> None:
+    """The last sample is one; the table names the controller unless the caller does."""
+    path = tmp_path / "one.toml"
+    path.write_text(EXPERIMENT.replace("since = 0.1", 'since = 0.2\ncontroller = "other"'))
+    assert prepare(path, backend="casadi").controller == "other"
+    assert prepare(path, "AFL", backend="casadi").controller == "AFL"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from math import isfinite
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from decimal import Decimal
+from math import inf, isfinite
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -13,27 +16,40 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.reference import Reference
 from wmr_afl.controllers.tracking_law import TrackingLaw
-from wmr_afl.errors import CompilerError, ShapeError, SimulationError
+from wmr_afl.errors import CompilerError, ShapeError, SimulationError, WmrError
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
-from wmr_afl.numerics.parts import Parts, by_part, disjoint, prefixed
+from wmr_afl.numerics.parts import Fixed, Parts, by_part, disjoint, prefixed
 from wmr_afl.plant.uncertainty import Uncertainty
 from wmr_afl.simulation.kernels.block import Watched
 from wmr_afl.simulation.kernels.compiled import Kernel
 from wmr_afl.simulation.kernels.interpreted import bind
 from wmr_afl.simulation.layout import Layout
 
+SAME = 1e-6  # of a sample time, by which clocks jitter: steps that differ less are a sample time, as in the simulator
+LONGEST_STEP = 2.0  # sample times; the law's states move by no more at once
+LONGEST_GAP = 10.0  # sample times; after a longer gap nothing is learned from the sample before
+LATEST = 1e11  # [s], some 3000 years: beyond, the clock counts something else than seconds
 
-class Controller:
+
+class Controller(Fixed):
     """u = controller.update(t, x), once a sample: the law with its own state, traced once, compiled if possible.
 
-    `reference` is followed at the times that `update` is given; `sample_time` [s] is the time between two updates.
+    `reference` is followed at the times that `update` is given; `sample_time` [s] is the time between two updates that
+    the gains were chosen for. Time that really passed moves estimates and other states, up to two sample times at once.
+    After a gap of more than `max_gap` [s], ten sample times unless given, voltages are computed as ever, but the states
+    stay as they are for that sample: nobody knows what happened in between.
+
     `drive`: what the robot's drive does to a command, such as limits and a delay: what has no memory is done to the
     voltages that are returned, and all of it is taken into account by a law that looks at the applied input.
 
+    One controller may be called from several threads; each call is done before the next begins.
+
     Raises:
         MissingTermError: if the law does not fit the model.
+        UnknownNameError: if the reference names another output.
+        WmrError: if an output has no reference, or a time is not positive.
     """
 
     def __init__(
@@ -43,14 +59,23 @@ class Controller:
         reference: Reference,
         sample_time: float,
         drive: Sequence[Uncertainty] = (),
+        max_gap: float | None = None,
     ) -> None:
-        self.model, self.law, self.reference, self.sample_time = model, law, reference, sample_time
+        self.model, self.law, self.sample_time = model, law, float(sample_time)
+        self.reference = reference.ordered(list(model.output_units))
+        self.max_gap = LONGEST_GAP * self.sample_time if max_gap is None else float(max_gap)
+        if not (0.0 < self.sample_time < inf and self.max_gap >= self.sample_time):
+            raise WmrError(
+                f"a sample time of {sample_time} s and a longest gap of {self.max_gap} s",
+                "choose 0 < sample_time <= max_gap",
+            )
         self.drive = Parts(drive)
-        self._inputs, self._states = len(model.input_units), len(model.state_units)
-        self._start = disjoint(law.states, self.drive.states)
-        self._x, self._t, self._out = np.zeros(self._states), np.zeros(1), np.zeros(self._inputs + 2)
-        self._now = self._before = Layout(self._start).pack(self._start)
-        self._run = self._compiled_if_possible(self._traced())
+        self._inputs, self._size = len(model.input_units), len(model.state_units)
+        self._layout = Layout(disjoint(law.states, self.drive.states))
+        self._start = self._layout.pack(disjoint(law.states, self.drive.states))
+        self._given, self._t, self._out = np.zeros(self._size + 1), np.zeros(1), np.zeros(self._inputs + 2)
+        self._now, self._before, self._run = self._compiled_if_possible(self._traced())
+        self._lock, self._clock = threading.Lock(), [-inf]  # time of the last update [s]
 
     @classmethod
     def from_experiment(cls, experiment: str | Path, controller: str | None = None) -> Controller:
@@ -68,48 +93,101 @@ class Controller:
     def update(self, t: float, x: ArrayLike) -> Floats:
         """The voltages (n_u,) at time t [s] for the measured state x (2n-m,).
 
+        A second call at the same time is no new sample: it gives voltages and changes nothing.
+
         Raises:
-            ShapeError: if x does not fit.
-            SimulationError: if Dhat is singular or something is not finite; the controller then stays as it was.
+            ShapeError: if x or t does not fit.
+            SimulationError: if Dhat is singular, something is not finite, or time goes back; the controller then stays
+                as it was.
         """
-        measured = np.asarray(x, dtype=float)
-        if measured.shape != (self._states,):
+        measured = x if type(x) is np.ndarray and x.dtype == np.float64 else _numbers("x", x)
+        if measured.shape != (self._size,):
             names = ", ".join(self.model.state_units)
-            raise ShapeError(f"x has shape {measured.shape}", f"expected ({self._states},): {names}")
-        self._x[:], self._t[0], self._before[:] = measured, t, self._now
-        self._run()
-        if not (self._out[-1] > 0.0 and isfinite(self._out[-2])):
-            self._now[:] = self._before
-            raise SimulationError(f"at t = {t} s Dhat is singular, or x, t or what follows from them is not finite")
-        return self._out[:-2].copy()
+            raise ShapeError(f"x has shape {measured.shape}", f"expected ({self._size},): {names}")
+        time = t if type(t) is float else _seconds(t)
+        with self._lock:
+            step = self._step(time)
+            self._given[:-1], self._given[-1], self._t[0], self._before[:] = measured, step, time, self._now
+            self._run()
+            is_sound = self._out[-1] > 0.0 and isfinite(self._out[-2])
+            if step == 0.0 or not is_sound:
+                self._now[:] = self._before
+            if not is_sound:
+                raise SimulationError(f"at t = {t} s Dhat is singular, or x, t or what follows from them is not finite")
+            self._clock[0] = time
+            return self._out[:-2].copy()
 
     @property
     def estimate(self) -> Floats:
-        """theta_hat (n_theta,)."""
-        return self._now[Layout(self._start).places["theta_hat"]].copy()
+        """theta_hat (n_theta,), not to be written into; see `load_state`."""
+        with self._lock:
+            estimate = self._now[self._layout.places["theta_hat"]].copy()
+        estimate.flags.writeable = False
+        return estimate
+
+    def state_dict(self) -> dict[str, list[float]]:
+        """The states of law and drive by name, ready for JSON: what `load_state` takes after a restart."""
+        with self._lock:
+            return {name: np.ravel(value).tolist() for name, value in self._layout.unpack(self._now.copy()).items()}
+
+    def load_state(self, state: Mapping[str, ArrayLike]) -> None:
+        """Goes on with states as `state_dict` gave them, or with some of them; gains and bounds stay as they are.
+
+        Raises:
+            ShapeError: if a name or a number does not fit; the controller then stays as it was.
+        """
+        with self._lock:
+            following = self._layout.unpack(self._now.copy())
+            for name, value in state.items():
+                if name not in following:
+                    raise ShapeError(f"{name!r} is not a state of this controller", f"there is {', '.join(following)}")
+                numbers = _numbers(f"state {name}", value)
+                if numbers.shape != following[name].shape or not np.isfinite(numbers).all():
+                    raise ShapeError(f"state {name} is {value!r}", f"expected {following[name].size} finite numbers")
+                following[name] = numbers
+            self._now[:] = self._layout.pack(following)
 
     def reset(self) -> None:
-        """Back to the first estimate."""
-        self._now[:] = Layout(self._start).pack(self._start)
+        """Back to the first estimate, and to a clock that has not started."""
+        with self._lock:
+            self._now[:], self._clock[0] = self._start, -inf
 
-    def _compiled_if_possible(self, step: ca.Function) -> Callable[[], None]:
-        """A call that advances the states `_now`, copied in `_before`, from `_t` and `_x`, and writes `_out`."""
+    def __reduce__(self) -> tuple[Callable[..., Controller], tuple[Any, ...]]:
+        """A copy is a controller of its own, in the same state."""
+        built = (self.model, self.law, self.reference, self.sample_time, list(self.drive), self.max_gap)
+        return _restored, (built, self.state_dict(), self._clock[0])
+
+    def _step(self, time: float) -> float:
+        """By how much the states move [s]: the time since the last update, within bounds."""
+        passed = time - self._clock[0]
+        if abs(passed - self.sample_time) < SAME * self.sample_time or (passed == inf and abs(time) < LATEST):
+            return self.sample_time
+        if passed < 0.0:
+            raise SimulationError(f"time went back from {self._clock[0]} s to {time} s", "call reset() to start again")
+        if abs(time) >= LATEST:
+            raise SimulationError(f"t is {time:g}", "give seconds")
+        if passed > self.max_gap:
+            return 0.0
+        return min(passed, LONGEST_STEP * self.sample_time)
+
+    def _compiled_if_possible(self, step: ca.Function) -> tuple[Floats, Floats, Callable[[], None]]:
+        """The states, room for the states before, and a call that advances them from t and x and leaves the inputs."""
+        now = self._start.copy()
         try:
-            kernel = Kernel(step, Watched(regularity=self._inputs + 1), logged=True)
+            kernel = Kernel(step, Watched(regularity=self._inputs + 1, checked=(self._inputs,)), logged=True)
         except CompilerError:
-            self._before = self._now.copy()
-            return bind(step, (self._before, self._t, self._x, np.zeros(0)), (self._now, self._out))
-        block, held = kernel.start(self._now[:, None]), kernel.prepare(np.zeros((0, 1)))
-        self._kept, self._now = (block, held), block.state[:, 0]  # `_kept` only lives on
-        return kernel.bound(block, self._t, self._x, held, self._out)
+            before = now.copy()
+            return now, before, bind(step, (before, self._t, self._given, np.zeros(0)), (now, self._out))
+        block, held = kernel.start(now[:, None]), kernel.prepare(np.zeros((0, 1)))
+        self._kept = block, held  # which the bound call reads
+        return block.state[:, 0], now, kernel.bound(block, self._t, self._given, held, self._out)
 
     def _traced(self) -> ca.Function:
-        """(states, t, x, nothing) -> (next states, [u, a sum of all, regularity])."""
-        model, layout = self.model.in_library("casadi"), Layout(self._start)
-        values = disjoint(self.law.values, self.drive.values)
-        k = by_part({name: ca.DM(value) for name, value in values.items()})
-        flat, t, x = ca.SX.sym("z", layout.size), ca.SX.sym("t"), ca.SX.sym("x", self._states)
-        z = layout.unpack_symbols(flat)
+        """(states, t, [x; time that passed], nothing) -> (next states, [u, a sum of all, regularity])."""
+        model = self.model.in_library("casadi")
+        k = by_part({name: ca.DM(value) for name, value in disjoint(self.law.values, self.drive.values).items()})
+        flat, t, given = ca.SX.sym("z", self._layout.size), ca.SX.sym("t"), ca.SX.sym("given", self._size + 1)
+        z, x, step = self._layout.unpack_symbols(flat), given[:-1], given[-1]
         action = self.law.act(x, self.reference.at(t), z, k, model)
         returned = applied = action.input
         following: dict[str, Any] = {}
@@ -117,8 +195,46 @@ class Controller:
             following |= prefixed(key, part.update(applied, state, own, model.arrays))
             applied = part.applied(applied, state, own, model.arrays)
             returned = returned if part.states else part.applied(returned, state, own, model.arrays)
-        following |= self.law.update(x, action, applied, z, k, model, self.sample_time)
-        after = layout.pack_symbols(following)
+        following |= self.law.update(x, action, applied, z, k, model, step)
+        after = self._layout.pack_symbols(following)
         total = t + ca.sum1(x) + ca.sum1(action.input) + ca.sum1(after)  # finite only if all of these are
         outputs = ca.cse([ca.densify(after), ca.densify(ca.vertcat(returned, total, action.regularity))])
-        return ca.Function("controller", [flat, t, x, ca.SX.sym("none", 0)], outputs)
+        return ca.Function("controller", [flat, t, given, ca.SX.sym("none", 0)], outputs)
+
+
+def _numbers(name: str, given: ArrayLike) -> Floats:
+    """Real numbers as an array.
+
+    Raises:
+        ShapeError: if something else is among them.
+    """
+    if isinstance(given, np.ma.MaskedArray) and np.ma.getmaskarray(given).any():
+        raise ShapeError(f"{name} has masked entries", "give all of them, or leave the sample out")
+    try:
+        array = np.asarray(given)
+        if array.dtype.kind == "O":  # such as Decimal, and None
+            array = np.array([float(one) for one in array.ravel()]).reshape(array.shape)
+    except (TypeError, ValueError):
+        raise ShapeError(f"{name} is not an array of numbers", "give one number for each entry") from None
+    if array.dtype.kind not in "fiu":
+        raise ShapeError(f"{name} holds {array.dtype} instead of real numbers", "give one number for each entry")
+    return array.astype(np.float64)
+
+
+def _seconds(t: Any) -> float:
+    """A time [s] as a float.
+
+    Raises:
+        ShapeError: if it is not a real number.
+    """
+    value = t[()] if isinstance(t, np.ndarray) and t.shape == () else t
+    if isinstance(value, bool | np.timedelta64) or not isinstance(value, Real | Decimal):
+        raise ShapeError(f"t is {t!r}", "give seconds as a number")
+    return float(value)
+
+
+def _restored(built: tuple[Any, ...], state: Mapping[str, ArrayLike], clock: float) -> Controller:
+    controller = Controller(*built)
+    controller.load_state(state)
+    controller._clock[0] = clock
+    return controller

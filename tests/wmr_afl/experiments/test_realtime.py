@@ -1,6 +1,15 @@
 """The controller for a robot's own loop is the simulator's, step for step."""
 
+import copy
+import json
+import pickle
+import sys
 import tracemalloc
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from datetime import timedelta
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +17,7 @@ import pytest
 
 import wmr_afl
 from tests.conftest import EXPERIMENTS
-from wmr_afl import CompilerError, Controller, ShapeError, SimulationError, UnknownNameError
+from wmr_afl import CompilerError, Controller, ShapeError, SimulationError, UnknownNameError, WmrError
 from wmr_afl.experiments import realtime
 
 
@@ -46,6 +55,7 @@ def test_its_memory_does_not_grow() -> None:
     controller, x = Controller.from_experiment("study_1"), np.array([15.0, 25.0, 0.0, 0.0, 0.0])
     for k in range(100):
         controller.update(0.02 * k, x)
+    controller.reset()
     tracemalloc.start()
     before = tracemalloc.take_snapshot()
     for k in range(5000):
@@ -97,3 +107,152 @@ def test_what_cannot_be_controlled_is_reported_and_changes_nothing(
         controller.update(0.0, [0.0] * 3)
     with pytest.raises(UnknownNameError, match="AFL"):
         Controller.from_experiment("study_1", "PID")
+
+
+X = [15.0, 25.0, 0.1, 0.2, 0.05]
+
+
+def test_a_sample_that_is_given_again_is_answered_and_learned_from_once() -> None:
+    controller = Controller.from_experiment("study_1")
+    first, estimate = controller.update(0.02, X), controller.estimate
+    for _ in range(20):
+        np.testing.assert_array_equal(np.isfinite(controller.update(0.02, X)), True)
+        np.testing.assert_array_equal(controller.estimate, estimate)
+    assert np.all(np.isfinite(first))
+    other = Controller.from_experiment("study_1")
+    other.update(0.02, X)
+    np.testing.assert_array_equal(controller.update(0.04, X), other.update(0.04, X))
+
+
+def test_estimates_move_by_the_time_that_passed_up_to_a_bound(tmp_path: Path) -> None:
+    """theta_hat' = Gamma W^T E1, at the same sample: twice the time, twice the way; after a gap none."""
+    text = (EXPERIMENTS / "study_1.toml").read_text().replace("projection = { lower = 0.1 }", "")
+    circle = "circle = { center = [10.0, 25.0], radius = 7.5, rate = 0.05 }"
+    (tmp_path / "point.toml").write_text(text.replace(circle, 'expressions = { y1 = "15.1", y2 = "25.05" }'))
+    moved = {}
+    for passed in (0.01, 0.02, 0.04, 0.19, 0.21, 5.0):
+        controller = Controller.from_experiment(tmp_path / "point.toml")
+        controller.update(0.0, X)
+        before = controller.estimate
+        u = controller.update(passed, X)
+        assert np.all(np.isfinite(u))
+        moved[passed] = controller.estimate - before
+    reference = moved[0.02]
+    for passed, factor in ((0.01, 0.5), (0.04, 2.0), (0.19, 2.0)):
+        np.testing.assert_allclose(moved[passed], factor * reference, rtol=1e-9)
+    for passed in (0.21, 5.0):
+        np.testing.assert_array_equal(moved[passed], 0.0)
+
+
+def test_time_goes_on_and_is_in_seconds() -> None:
+    controller = Controller.from_experiment("study_1")
+    controller.update(1.0, X)
+    state = controller.state_dict()
+    with pytest.raises(SimulationError, match=r"time went back from 1.0 s to 0.98 s; call reset\(\)"):
+        controller.update(0.98, X)
+    for wrong in (1_700_000_000_000_000_000, float("inf"), 1e11):
+        with pytest.raises(SimulationError, match="give seconds"):
+            controller.update(wrong, X)
+    for wrong in (
+        "0.02", None, timedelta(seconds=1), np.timedelta64(20, "ms"), np.datetime64("2020-01-01"), [1.0], True, 1j,
+    ):  # fmt: skip
+        with pytest.raises(ShapeError, match="give seconds as a number"):
+            controller.update(wrong, X)
+    assert controller.state_dict() == state
+    for right in (1.02, np.float32(1.04), np.array(1.06), Fraction(27, 25), Decimal("1.1"), 2):
+        assert np.all(np.isfinite(controller.update(right, X)))
+    for sample_time, max_gap in ((0.0, None), (-0.02, None), (float("nan"), None), (0.02, 0.01)):
+        with pytest.raises(WmrError, match="choose 0 < sample_time <= max_gap"):
+            Controller(controller.model, controller.law, controller.reference, sample_time, max_gap=max_gap)
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        tuple(X), np.array(X, np.float16), np.array(X, np.longdouble), np.repeat(X, 2)[::2], np.array(X, ">f8"),
+        np.array(X, object), [Decimal(str(one)) for one in X], [15, 25, 0, 0, 0], np.ma.array(X),
+    ],
+)  # fmt: skip
+def test_a_state_may_be_any_sequence_of_real_numbers(x) -> None:
+    expected = Controller.from_experiment("study_1").update(0.02, np.asarray(x, dtype=float))
+    np.testing.assert_array_equal(Controller.from_experiment("study_1").update(0.02, x), expected)
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        np.ma.array(X, mask=[0, 0, 0, 1, 0]), [15.0, 25.0, 0.1, None, 0.05], None, [15.0, 25.0, 0.1, "a", 0.05],
+        [15.0, 25.0, 0.1, "0.2", 0.05], dict(zip("abcde", X, strict=True)), np.array(X) + 0.5j,
+        [15.0, [25.0, 1.0], 0.1, 0.2, 0.05], np.array(X)[:, None], np.array(X, dtype=bool),
+    ],
+)  # fmt: skip
+def test_a_state_that_is_none_is_refused_and_changes_nothing(x) -> None:
+    controller = Controller.from_experiment("study_1")
+    state = controller.state_dict()
+    with pytest.raises(ShapeError):
+        controller.update(0.02, x)
+    assert controller.state_dict() == state
+
+
+@pytest.mark.parametrize("name", ["AFL", "AFL with leakage", "robust AFL"])
+def test_a_restart_from_saved_states_goes_on_as_if_there_had_been_none(name: str) -> None:
+    """Estimates and the robust term's states, through JSON; gains and bounds stay those of the experiment."""
+    controller, x = Controller.from_experiment("study_2", name), np.array([2.6, 5.4, 0.7, 0.1, 0.0])
+    for k in range(50):
+        controller.update(0.02 * k, x + 0.001 * k)
+    again = Controller.from_experiment("study_2", name)
+    again.load_state(json.loads(json.dumps(controller.state_dict())))
+    np.testing.assert_array_equal(again.estimate, controller.estimate)
+    for k in range(50, 60):
+        np.testing.assert_array_equal(controller.update(0.02 * k, x + 0.001 * k), again.update(0.02 * k, x + 0.001 * k))
+    fresh = Controller.from_experiment("study_2", name)
+    assert np.any(fresh.estimate != again.estimate)  # what is restored leaks into no other controller
+
+
+@pytest.mark.parametrize(
+    "state", [{"theta": [1.0]}, {"theta_hat": [1.0]}, {"theta_hat": [np.nan] * 6}, {"theta_hat": "six"}]
+)
+def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(state: dict) -> None:
+    controller = Controller.from_experiment("study_1")
+    before = controller.state_dict()
+    with pytest.raises(ShapeError, match="theta"):
+        controller.load_state(state)
+    assert controller.state_dict() == before
+
+
+@pytest.mark.parametrize("duplicate", [copy.copy, copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])  # noqa: S301
+def test_a_copy_is_a_controller_of_its_own(duplicate: Callable[[Controller], Controller]) -> None:
+    controller = Controller.from_experiment("study_1")
+    controller.update(0.0, X)
+    other, before = duplicate(controller), controller.estimate
+    np.testing.assert_array_equal(other.estimate, before)
+    other.update(0.02, X)
+    np.testing.assert_array_equal(controller.estimate, before)
+    twin = duplicate(controller)
+    np.testing.assert_array_equal(controller.update(0.02, X), twin.update(0.02, X))
+
+
+def test_attributes_that_would_do_nothing_cannot_be_set() -> None:
+    controller = Controller.from_experiment("study_1")
+    for name in ("reference", "sample_time", "law", "estimate", "anything"):
+        with pytest.raises(AttributeError):
+            setattr(controller, name, 1.0)
+    with pytest.raises(ValueError, match="read-only"):
+        controller.estimate[:] = 2.0
+
+
+def test_two_threads_get_the_voltages_of_their_own_samples() -> None:
+    controller = Controller.from_experiment("study_1", "frozen estimates")
+    samples = [np.array(X), np.array(X) + 0.1]
+    wanted = [controller.update(0.0, x) for x in samples]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(2) as pool:
+            wrong = pool.map(
+                lambda i: sum(not np.array_equal(controller.update(0.0, samples[i]), wanted[i]) for _ in range(20_000)),
+                range(2),
+            )
+            assert list(wrong) == [0, 0]
+    finally:
+        sys.setswitchinterval(interval)

@@ -7,7 +7,7 @@ from rich.progress import TaskID
 from rich.table import Table
 
 from wmr_afl.analysis.metrics import metrics
-from wmr_afl.cli.terminal import console, progress_bar
+from wmr_afl.cli.terminal import console, errors, progress_bar
 from wmr_afl.simulation.result import Run
 
 
@@ -49,6 +49,9 @@ def print_metrics(title: str, runs: dict[str, Run]) -> None:
             escape(found["failure"] or ""),
         )
     console.print(table)
+    for name, run in runs.items():
+        for warning in run.warnings:
+            errors.print(f"warning: {escape(name)}: {escape(warning)}", highlight=False, soft_wrap=True)
 
 
 def _row(values: list[float]) -> str:

@@ -73,7 +73,9 @@ class Controller(Fixed):
         self._inputs, self._size = len(model.input_units), len(model.state_units)
         self._layout = Layout(disjoint(law.states, self.drive.states))
         self._start = self._layout.pack(disjoint(law.states, self.drive.states))
+        self._usual = (1.0 - SAME) * self.sample_time, (1.0 + SAME) * self.sample_time
         self._given, self._t, self._out = np.zeros(self._size + 1), np.zeros(1), np.zeros(self._inputs + 2)
+        self._x, self._step_given = self._given[:-1], self._given[-1:]
         self._now, self._before, self._run = self._compiled_if_possible(self._traced())
         self._lock, self._clock = threading.Lock(), [-inf]  # time of the last update [s]
 
@@ -106,8 +108,9 @@ class Controller(Fixed):
             raise ShapeError(f"x has shape {measured.shape}", f"expected ({self._size},): {names}")
         time = t if type(t) is float else _seconds(t)
         with self._lock:
-            step = self._step(time)
-            self._given[:-1], self._given[-1], self._t[0], self._before[:] = measured, step, time, self._now
+            passed = time - self._clock[0]
+            step = self.sample_time if self._usual[0] < passed < self._usual[1] else self._step(time, passed)
+            self._x[:], self._step_given[0], self._t[0], self._before[:] = measured, step, time, self._now
             self._run()
             is_sound = self._out[-1] > 0.0 and isfinite(self._out[-2])
             if step == 0.0 or not is_sound:
@@ -157,10 +160,9 @@ class Controller(Fixed):
         built = (self.model, self.law, self.reference, self.sample_time, list(self.drive), self.max_gap)
         return _restored, (built, self.state_dict(), self._clock[0])
 
-    def _step(self, time: float) -> float:
-        """By how much the states move [s]: the time since the last update, within bounds."""
-        passed = time - self._clock[0]
-        if abs(passed - self.sample_time) < SAME * self.sample_time or (passed == inf and abs(time) < LATEST):
+    def _step(self, time: float, passed: float) -> float:
+        """By how much the states move [s]: the time that passed since the last update, within bounds."""
+        if passed == inf and abs(time) < LATEST:  # the first one
             return self.sample_time
         if passed < 0.0:
             raise SimulationError(f"time went back from {self._clock[0]} s to {time} s", "call reset() to start again")

@@ -38,6 +38,7 @@ class Run:
     parameters: Floats  # p (n_p,) of the robot at the start
     known: Floats  # c (n_c,), which the controller knew
     failure: Failure | None = None
+    warnings: tuple[str, ...] = ()  # what makes the run doubtful, with remedies
 
     def __repr__(self) -> str:
         end = str(self.failure) if self.failure else "complete"

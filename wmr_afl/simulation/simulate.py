@@ -17,6 +17,7 @@ from wmr_afl.simulation.failures import cause
 from wmr_afl.simulation.layout import Layout
 from wmr_afl.simulation.result import Failure, Run
 from wmr_afl.simulation.steppers import stepper
+from wmr_afl.simulation.warning_signs import warning_signs
 
 # The cause of a failure by the first signal that shows it, in the order from cause to effect.
 _CAUSES = {
@@ -81,6 +82,7 @@ def simulate(
         parameters=numbers["p"].copy(),
         known=numbers["c"].copy(),
         failure=failure,
+        warnings=warning_signs(loop, logged, numbers),
     )
 
 

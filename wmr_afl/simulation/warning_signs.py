@@ -1,0 +1,68 @@
+"""What makes a run doubtful that did not fail: saturated motors, estimates that drift or lie at their bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.simulation.closed_loop import ClosedLoop
+
+OFTEN = 0.05  # share of samples from which limits shape a run instead of cutting off its start
+GROWN = 30.0  # times the largest first estimate, or true value: no estimate that means anything gets there
+STUCK = 0.5  # share of the last samples at a bound: the bound tells the estimate, not the robot
+LATE = 2.0 / 7.0  # the end of a run, in which it should have settled
+
+
+def warning_signs(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> tuple[str, ...]:
+    """One line for each sign, with a remedy; `signals` (T, ...) and `numbers` of the robot, by name."""
+    if not len(signals["x"]):
+        return ()
+    return (*_inputs(loop, signals, numbers), *(_estimates(loop, signals, numbers) if loop.law.adaptation else ()))
+
+
+def _inputs(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:
+    volts = numbers.get("input_limits.volts")
+    if volts is None:
+        return
+    share = float(np.mean(np.any(np.abs(signals["u"]) >= volts, axis=1)))
+    if share > OFTEN:
+        remedy = "follow a slower reference, start closer to it, or lower the gains"
+        yield f"a motor is at its limit in {share:.0%} of the samples; {remedy}"
+
+
+def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:
+    names, estimate = list(loop.model.base_parameter_units), signals["theta_hat"]
+    model = loop.model.in_library("numpy")
+    truth = np.asarray(model.base_parameters(numbers["p"]))
+    low = numbers.get("projection.lower", np.full(len(names), -np.inf))
+    high = numbers.get("projection.upper", np.full(len(names), np.inf))
+    for name, true, lower, upper in zip(names, truth, low, high, strict=True):
+        if not lower <= true <= upper:
+            yield f"the bounds {lower:g} to {upper:g} exclude {name} = {true:.3g} of this robot; widen them"
+    sizes, usual = np.abs(estimate).max(axis=0), np.maximum(np.abs(estimate[0]), np.abs(truth))
+    worst = int(np.argmax(sizes / np.maximum(usual, np.abs(truth).max() * 1e-3)))
+    if sizes[worst] > GROWN * max(usual[worst], np.abs(truth).max() * 1e-3):
+        remedy = "bound the estimates, add leakage or lower the adaptation gain"
+        yield f"the estimate of {names[worst]} grew from {estimate[0, worst]:.3g} to {sizes[worst]:.3g}; {remedy}"
+    late = estimate[int((1.0 - LATE) * len(estimate)) :]
+    for index, name in enumerate(names):
+        share = float(np.mean((late[:, index] <= low[index]) | (late[:, index] >= high[index])))
+        if share > STUCK:
+            yield f"the estimate of {name} lies at its bound in {share:.0%} of the last samples; widen its bounds"
+    yield from _step_size(loop, signals, numbers)
+
+
+def _step_size(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:
+    """In steps of dt the law (25) lessens the Lyapunov function (43) only if dt eig_max(W Gamma W^T) < alpha."""
+    model = loop.model.in_library("numpy")
+    W = np.asarray(model.regressor(signals["x"][0], signals["command"][0], numbers["c"]))
+    Gamma = numbers["adaptation.Gamma"]
+    gain = np.diag(Gamma) if Gamma.ndim == 1 else Gamma
+    speed = loop.sample_time * float(np.linalg.eigvalsh(W @ gain @ W.T).max())
+    alpha = float(numbers["outer_loop.alpha"].min())
+    if speed > alpha:
+        remedy = "sample faster, lower the adaptation gain, or start closer to the reference"
+        figures = f"{speed:.3g} 1/s, alpha is {alpha:.3g}"
+        yield f"the adaptation is too fast for the sample time at the start ({figures}); {remedy}"

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 ABANDONED = 24 * 3600.0  # [s]; what has lain unfinished for longer belongs to a process that was killed
-_MARK = ".unfinished-"  # begins the name of everything that is being written
+MARK = ".unfinished-"  # begins the name of everything that is being written
 _HERE, _LINUX_EXCHANGE, _MACOS_SWAP = -100, 2, 2  # AT_FDCWD, RENAME_EXCHANGE, RENAME_SWAP
 
 
@@ -117,12 +117,12 @@ def remove_abandoned(folder: Path) -> None:
 
 def is_unfinished(name: str) -> bool:
     """Whether this is the name of a file or folder that has not taken its place."""
-    return name.startswith(_MARK)
+    return name.startswith(MARK)
 
 
 def _beside(path: Path) -> Path:
     """A name of its own in the same folder, so that renaming is one step of the file system."""
-    return path.with_name(f"{_MARK}{secrets.token_hex(6)}-{path.stem[:60]}{path.suffix}")
+    return path.with_name(f"{MARK}{secrets.token_hex(6)}-{path.stem[:60]}{path.suffix}")
 
 
 def _mode(path: Path) -> int:

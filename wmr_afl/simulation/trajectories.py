@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -13,8 +12,16 @@ import numpy as np
 from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.closed_loop import ClosedLoop
+from wmr_input.whole_files import begin, discard, finish
 
-DATASETS = {"x": "state", "u": "input", "e": "error", "theta_hat": "estimate"}  # signal of the loop -> name in the file
+DATASETS = {  # signal of the loop -> name in the file
+    "x": "state",
+    "u": "input",
+    "command": "command",
+    "e": "error",
+    "reference": "reference",
+    "theta_hat": "estimate",
+}
 SAMPLES = 1000  # of one run in one chunk of the file, as many as a batch records at a time
 
 
@@ -22,8 +29,9 @@ SAMPLES = 1000  # of one run in one chunk of the file, as many as a batch record
 def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterator[Callable[..., None]]:
     """Yield a function (robots, samples, rows) that writes signals; the file gets its name once all is written.
 
-    Datasets: time (T,), state (N, T, 2n-m), input (N, T, n_u), error (N, T, n-m), estimate (N, T, n_theta); their
-    attribute `names` lists the entries with units. If writing fails, no half-written file stays.
+    Datasets: time (T,), state (N, T, 2n-m), input and command (N, T, n_u), error and reference (N, T, n-m), estimate
+    (N, T, n_theta), failure_time (N,); their attribute `names` lists the entries with units. A run that failed has its
+    failure_time, NaN in the others, and NaN in all signals from then on. If writing fails, what was at `path` stays.
 
     Raises:
         WmrError: if h5py is not installed, or the file cannot be written.
@@ -34,40 +42,62 @@ def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterat
         raise WmrError(
             "trajectories need h5py, which is not installed", 'pip install "wmr-afl[trajectories]"'
         ) from None
-    model, places = loop.model, loop.signal_layout.places
-    names = {
-        "state": [f"{name} [{unit}]" for name, unit in model.state_units.items()],
-        "input": [f"{name} [{unit}]" for name, unit in model.input_units.items()],
-        "error": [f"{name} [{unit}]" for name, unit in model.output_units.items()],
-        "estimate": [f"{name} [{unit}]" for name, unit in model.base_parameter_units.items()],
-    }
-    unfinished = path.with_name(f"{path.name}.part")
+    names, places = _names(loop), loop.signal_layout.places
+    failures = np.full(count, np.nan)
     file = None
+    with _one_line(path):
+        unfinished = begin(path)
     try:
         with _one_line(path):
             file = h5py.File(unfinished, "w")
-            file.attrs["model"] = model.name
-            file.create_dataset("time", data=times)
+            file.attrs["model"] = loop.model.name
+            file.create_dataset("time", data=times).attrs["names"] = ["time [s]"]
             for signal, dataset in DATASETS.items():
-                size = loop.signals[signal]
-                chunk = (1, min(SAMPLES, len(times)), max(1, size))
-                made = file.create_dataset(dataset, (count, len(times), size), "f8", chunks=chunk if size else None)
+                shape = (count, len(times), loop.signals[signal])
+                chunks = (1, min(SAMPLES, len(times)), shape[-1]) if shape[-1] else None
+                made = file.create_dataset(dataset, shape, "f8", chunks=chunks, fillvalue=np.nan)
                 made.attrs["names"] = names[dataset]
 
         def record(robots: slice, samples: slice, rows: Floats) -> None:
+            kept = _until_failure(rows, times[samples], failures[robots], loop)
             with _one_line(path):
                 for signal, dataset in DATASETS.items():
-                    file[dataset][robots, samples] = np.moveaxis(rows[:, places[signal]], 2, 0)
+                    file[dataset][robots, samples] = np.moveaxis(kept[:, places[signal]], 2, 0)
 
         yield record
         with _one_line(path):
+            file.create_dataset("failure_time", data=failures).attrs["names"] = ["failure_time [s]"]
             file.close()
-            os.replace(unfinished, path)
+            finish(unfinished, path)
     finally:
         if file is not None:
             with suppress(OSError, RuntimeError):  # a full disk was reported already
                 file.close()
-        unfinished.unlink(missing_ok=True)
+        discard(unfinished)
+
+
+def _names(loop: ClosedLoop) -> dict[str, list[str]]:
+    """The entries of each dataset with their units."""
+    model = loop.model
+    units = {
+        "state": model.state_units,
+        "input": model.input_units,
+        "command": model.input_units,
+        "error": model.output_units,
+        "reference": model.output_units,
+        "estimate": model.base_parameter_units,
+    }
+    return {dataset: [f"{name} [{unit}]" for name, unit in table.items()] for dataset, table in units.items()}
+
+
+def _until_failure(rows: Floats, times: Floats, failures: Floats, loop: ClosedLoop) -> Floats:
+    """Signals (T, signals, robots) as NaN from each robot's failure on; `failures` (robots,) takes new ones."""
+    regularity = loop.signal_layout.places["regularity"].start
+    sound = np.isfinite(rows[:, list(loop.checked)]).all(axis=1) & (rows[:, regularity] > 0.0)
+    lost = np.isfinite(failures) | ~np.logical_and.accumulate(sound, axis=0)
+    fails_now = lost.any(axis=0) & ~np.isfinite(failures)
+    failures[fails_now] = times[np.argmax(lost[:, fails_now], axis=0)]
+    return np.where(lost[:, None, :], np.nan, rows) if lost.any() else rows
 
 
 @contextmanager

@@ -34,11 +34,46 @@ def test_the_file_holds_what_single_runs_give(tmp_path: Path, threads: int, back
         nominal = wmr_afl.run("study_1", controllers="AFL")["AFL"]
         middle = wmr_afl.run_batch("study_1", scale={"m_C": [1.0]}, trajectories=tmp_path / "one.h5")
         with h5py.File(tmp_path / "one.h5") as one:
-            for name in ("time", "state", "input", "error", "estimate"):
+            for name in ("time", "state", "input", "command", "error", "reference", "estimate"):
                 there = one[name][:] if name == "time" else one[name][0]
                 np.testing.assert_allclose(there, getattr(nominal, name), rtol=1e-9, atol=1e-9)
         assert middle.rms.shape == (1, 2)
     assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.parametrize("backend", ["compiled", "casadi"])
+def test_a_failure_is_marked_in_the_file(tmp_path: Path, backend: str) -> None:
+    """Three starts, of which some fail within the first second: the file agrees with the summaries."""
+    start = {"x": [15.0, 14.0, 14.1], "y": [25.0, 24.0, 24.1], "phi": [0.0, -0.5, -0.5]}
+    batch = wmr_afl.run_batch("study_1", start=start, backend=backend, trajectories=tmp_path / "runs.h5")
+    assert batch.failed.any()
+    assert not batch.failed.all()
+    with h5py.File(tmp_path / "runs.h5") as file:
+        np.testing.assert_array_equal(file["failure_time"][:], batch.failure_time)
+        assert list(file["failure_time"].attrs["names"]) == ["failure_time [s]"]
+        time = file["time"][:]
+        for name in ("state", "input", "command", "error", "reference", "estimate"):
+            finite = np.isfinite(file[name][:]).all(axis=2)
+            for robot, failure in enumerate(batch.failure_time):
+                np.testing.assert_array_equal(finite[robot], ~(time >= failure), err_msg=name)
+
+
+def test_an_existing_file_stays_until_the_new_one_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "runs.h5"
+    wmr_afl.run_batch("study_1", scale={"m_C": [1.0]}, trajectories=file)
+    before = file.read_bytes()
+
+    def interrupt(done: int) -> None:
+        assert file.read_bytes() == before
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        wmr_afl.run_batch("study_1", scale={"m_C": [1.1]}, trajectories=file, progress=interrupt)
+    assert file.read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["runs.h5"]
+    (tmp_path / "link.h5").symlink_to(file)
+    wmr_afl.run_batch("study_1", scale={"m_C": [1.1]}, trajectories=tmp_path / "link.h5")
+    assert file.read_bytes() == before
 
 
 def test_memory_does_not_grow_with_the_number_of_runs(tmp_path: Path) -> None:

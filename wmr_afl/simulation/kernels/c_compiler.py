@@ -7,14 +7,23 @@ import functools
 import hashlib
 import os
 import platform
+import shlex
 import shutil
+import signal
+import stat
 import subprocess
 import tempfile
+import time
 import warnings
+from collections.abc import Sequence
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 
+from platformdirs import user_cache_path
+
 from wmr_afl.errors import BackendWarning, CompilerError
+from wmr_input.whole_files import MARK, remove_abandoned
 
 # No -ffast-math, which would drop NaN and reorder sums. A product and a sum may be fused: that rounds once instead of
 # twice. Nothing reads errno or floating point exceptions; the compiler has to know it to vectorize loops with
@@ -29,18 +38,44 @@ FLAGS = (
     ),
 )
 ELSE = "run with backend casadi"  # the remedy that always works
+PATIENCE = 60.0  # [s] for the compiler; the largest loops of the benchmarks take 5 s
+UNUSED = 90 * 24 * 3600.0  # [s] after which a library is removed from the cache
+ROOM = 500_000_000  # bytes of libraries that are kept; one has 20 to 200 thousand
 
 
 @functools.cache
 def compiler() -> tuple[str, ...] | None:
-    """The command of a C compiler: $CC, cc, or the package ziglang if installed; None if there is none."""
-    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
-        if name and shutil.which(name):
-            return (str(shutil.which(name)),)
+    """The command of a C compiler: $CC, cc, or the package ziglang if installed; None if there is none.
+
+    $CC may hold options or a wrapper, as in `gcc -m64` and `ccache gcc`.
+    """
+    given = os.environ.get("CC", "")
+    for command in ([given], _words(given), ["cc"], ["gcc"], ["clang"]):
+        found = shutil.which(command[0]) if command and command[0] else None
+        if found:
+            return (found, *command[1:])
     zig = find_spec("ziglang")
     if zig is None or not zig.submodule_search_locations:
         return None
     return (str(Path(zig.submodule_search_locations[0]) / "zig"), "cc")
+
+
+def compiler_version() -> str:
+    """What numbers depend on besides the text of a loop: version and options of the compiler.
+
+    Raises:
+        CompilerError: if there is no compiler, or it cannot be run.
+    """
+    command, version, *_ = _identity()
+    name = (version.splitlines() or [""])[0].partition(" ")[2] or version  # without the name it was called by
+    return " ".join((name, *command.split("\0")[1:], *FLAGS))
+
+
+def _words(command: str) -> list[str]:
+    try:
+        return shlex.split(command, posix=os.name == "posix")
+    except ValueError:  # an open quotation
+        return []
 
 
 def library(text: str) -> ctypes.CDLL:
@@ -52,6 +87,8 @@ def library(text: str) -> ctypes.CDLL:
     folder, key = _cache(), _key(text)
     for path in sorted(folder.glob(f"{key}-*.so")):
         if path.is_file() and path.stem.partition("-")[2] == _digest(path.read_bytes()):
+            with suppress(OSError):
+                os.utime(path)  # when it was last used
             return _loaded(path)
         warnings.warn(f"{path} was damaged; it is built again", BackendWarning, stacklevel=2)
         if path.is_file() or path.is_symlink():
@@ -80,14 +117,14 @@ def _identity() -> tuple[str, ...]:
     """What machine code depends on besides its text: compiler and processor."""
     command = _needed_compiler()
     try:
-        version = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout  # noqa: S603
+        version = _output([*command, "--version"]).stdout
     except OSError as error:
         raise CompilerError(f"{command[0]} cannot be run ({error.strerror})", ELSE) from None
     try:
         processor = next(line for line in Path("/proc/cpuinfo").read_text().splitlines() if line.startswith("flags"))
     except (OSError, StopIteration):
         processor = platform.processor()
-    return (*command, version, platform.machine(), processor)
+    return ("\0".join(command), version, platform.machine(), processor)
 
 
 def _needed_compiler() -> tuple[str, ...]:
@@ -98,8 +135,78 @@ def _needed_compiler() -> tuple[str, ...]:
 
 
 def _cache() -> Path:
-    root = os.environ.get("WMR_AFL_CACHE") or os.environ.get("XDG_CACHE_HOME")
-    return (Path(root) if root else Path.home() / ".cache") / "wmr-afl"
+    """The folder of the cache, made if needed; one of this process alone if others could have written into it."""
+    given = os.environ.get("WMR_AFL_CACHE")
+    folder = Path(given, "wmr-afl") if given else user_cache_path("wmr-afl", appauthor=False)
+    with suppress(OSError):  # `_build` reports it
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    danger = _danger(folder)
+    if danger is None:
+        return folder
+    warnings.warn(
+        f"{folder} {danger}; machine code is built again in every process until that changes (chmod 700, or set "
+        f"WMR_AFL_CACHE to a folder of your own)",
+        BackendWarning,
+        stacklevel=2,
+    )
+    return _own_folder()
+
+
+def _danger(folder: Path) -> str | None:
+    """Why code in this folder may be another user's; None if it cannot."""
+    if os.name != "posix" or not folder.is_dir():
+        return None
+    for found in (folder.lstat(), folder.stat()):
+        if found.st_uid != os.getuid():
+            return "belongs to another user"
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return "can be written by other users"
+    return None
+
+
+@functools.cache
+def _own_folder() -> Path:
+    """A folder that only this process uses, removed at its end."""
+    _OWN.append(tempfile.TemporaryDirectory(prefix="wmr-afl-"))
+    return Path(_OWN[-1].name)
+
+
+_OWN: list[tempfile.TemporaryDirectory[str]] = []
+
+
+def _prune(folder: Path) -> None:
+    """Remove what killed processes left, libraries that were not used for long, and the oldest ones beyond the room."""
+    remove_abandoned(folder)
+    with suppress(OSError):
+        found = sorted(((path.stat(), path) for path in folder.glob("*.so")), key=lambda one: -one[0].st_mtime)
+        kept = 0
+        for file, path in found:
+            kept += file.st_size
+            if kept > ROOM or time.time() - file.st_mtime > UNUSED:
+                path.unlink(missing_ok=True)
+
+
+def _output(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
+    """What a command prints; it and all that it has started are stopped if it takes too long.
+
+    Raises:
+        CompilerError: if it takes too long.
+        OSError: if it cannot be started.
+    """
+    process = subprocess.Popen(  # noqa: S603
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace",
+        start_new_session=True,
+    )  # fmt: skip
+    try:
+        output, errors = process.communicate(timeout=PATIENCE)
+    except BaseException as error:
+        with suppress(OSError):
+            os.killpg(process.pid, signal.SIGKILL) if os.name == "posix" else process.kill()
+        process.communicate()
+        if isinstance(error, subprocess.TimeoutExpired):
+            raise CompilerError(f"{command[0]} did not end within {PATIENCE:g} s", ELSE) from None
+        raise
+    return subprocess.CompletedProcess(command, process.returncode, output, errors)
 
 
 def _build(text: str, folder: Path, key: str) -> Path:
@@ -109,13 +216,12 @@ def _build(text: str, folder: Path, key: str) -> Path:
     """
     command = _needed_compiler()
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder) as place:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _prune(folder)
+        with tempfile.TemporaryDirectory(prefix=MARK, dir=folder) as place:
             source, built = Path(place) / "kernel.c", Path(place) / "kernel.so"
             source.write_text(text, encoding="utf-8")
-            done = subprocess.run(  # noqa: S603
-                [*command, *FLAGS, "-o", str(built), str(source), "-lm"], capture_output=True, text=True, check=False
-            )
+            done = _output([*command, *FLAGS, "-o", str(built), str(source), "-lm"])
             if done.returncode or not built.exists():
                 first = (done.stderr.splitlines() or [f"exit status {done.returncode}, no message"])[0]
                 raise CompilerError(f"{command[0]} failed on the closed loop ({first})", ELSE)

@@ -62,7 +62,7 @@ def _study(name: str, runs: Runs, pictures: Mapping[str, Path]) -> dict[str, Any
     }
 
 
-def _metrics(run: Run) -> dict[str, str]:
+def _metrics(run: Run) -> dict[str, Any]:
     found = metrics(run)
 
     def numbers(key: str, unit: str) -> str:
@@ -76,6 +76,7 @@ def _metrics(run: Run) -> dict[str, str]:
         "largest_input": numbers("largest_input", "V"),
         "largest_estimate": f"{found['largest_estimate']:.3g}" if "largest_estimate" in found else "–",
         "failure": found["failure"] or "",
+        "warnings": run.warnings,
     }
 
 

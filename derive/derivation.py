@@ -74,7 +74,7 @@ class Derivation:
 
     def at_defaults(self, expression: Expr) -> float:
         """The value of a function of the parameters at the default parameters."""
-        return float(self.terms.expand(expression).xreplace(self.robot.defaults))
+        return float(self.terms.expand(expression).xreplace(self.robot.numbers))
 
 
 def derive_robot(path: Path, progress: Progress = lambda step: None) -> Derivation:
@@ -127,23 +127,25 @@ def _derive(robot: Robot, progress: Progress) -> Derivation:
 
 
 def _check_motors(kinematics: Kinematics) -> None:
-    """Enough motors, and each pseudo-velocity within their reach."""
-    robot, wanted = kinematics.robot, len(kinematics.v)
-    count = len(robot.motors)
-    if count < wanted:
-        names = ", ".join(v.name for v in kinematics.v)
-        problem = f"{count} motors for {wanted} pseudo-velocities ({names})"
-        raise robot.reader.mistake("[[motors]]", problem, f"add {wanted - count}")
+    """Each motor turns something, and for a controller they reach every pseudo-velocity."""
+    robot, wanted, terms = kinematics.robot, len(kinematics.v), kinematics.terms
     matrix = kinematics.actuator_rates_matrix
-    terms = kinematics.terms
     for motor, row in zip(robot.motors, range(matrix.rows), strict=True):
         if terms.rank(matrix[row, :]) == 0:
             driven = motor.wheel or motor.joint
             problem = f"drives {driven!r}, which never moves"
             raise robot.reader.mistake(f"[[motors]] {motor.input!r} drives", problem, "drive a part that turns")
+    if not robot.outputs:  # the model alone may have any number of motors
+        return
+    without = "or derive the model without a controller (controller = false at the top)"
+    count = len(robot.motors)
+    if count < wanted:
+        names = ", ".join(v.name for v in kinematics.v)
+        problem = f"{count} motors for {wanted} pseudo-velocities ({names}): no control law brings about every motion"
+        raise robot.reader.mistake("[[motors]]", problem, f"add {wanted - count}, {without}")
     if terms.rank(matrix) < wanted:
         problem = f"the motors act on {terms.rank(matrix)} of {wanted} pseudo-velocities only"
-        raise robot.reader.mistake("[[motors]]", problem, "let them drive independent wheels or joints")
+        raise robot.reader.mistake("[[motors]]", problem, f"let them drive independent wheels or joints, {without}")
 
 
 def _check_defaults(kinematics: Kinematics, dynamics: Dynamics, linearization: Linearization | None) -> None:
@@ -151,15 +153,13 @@ def _check_defaults(kinematics: Kinematics, dynamics: Dynamics, linearization: L
     robot, terms, wanted = kinematics.robot, kinematics.terms, len(kinematics.v)
     zeros = [symbol.name for symbol, number in robot.defaults.items() if number == 0]
     remedy = f"change the defaults; zero is the value of {', '.join(zeros)}" if zeros else "change the defaults"
-    matrices = [
-        (dynamics.inertia_matrix, "[[bodies]]", "some motion has no inertia"),
-        (dynamics.input_matrix, "[[motors]]", "the motors do not reach every pseudo-velocity"),
-    ]
+    matrices = [(dynamics.inertia_matrix, "[[bodies]]", "some motion has no inertia")]
     if linearization is not None:
+        matrices.append((dynamics.input_matrix, "[[motors]]", "the motors do not reach every pseudo-velocity"))
         matrices.append((linearization.output_map, "[outputs]", "the decoupling matrix is singular everywhere"))
     for matrix, table, problem in matrices:
         try:
-            regular = terms.rank(matrix, robot.defaults) == wanted
+            regular = terms.rank(matrix, robot.numbers) == wanted
         except NotRepresentable:
             regular = False
         if not regular:

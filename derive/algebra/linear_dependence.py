@@ -7,9 +7,9 @@ field; the coefficients are then recovered as rational functions of c and checke
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isqrt
+from math import isqrt, lcm
 
 import sympy as sp
 from sympy import Expr, Symbol
@@ -125,13 +125,16 @@ def _symbolic(basis: Sequence[Column], column: Column, known: frozenset[Symbol],
     """Coefficients in the known constants with sum of coefficient times basis function = column."""
     rows: list[list[Expr]] = []
     right: list[Expr] = []
+    functions = [[terms.expand(entry) for entry in function] for function in basis]
+    wanted = [terms.expand(entry) for entry in column]
+    parts = _parts([*wanted, *(entry for function in functions for entry in function)], known)
     for draw in range(4 * len(basis) + 8):
-        values = _RationalState(draw, known)
-        for r, entry in enumerate(column):
-            row = [values(terms.expand(function[r])) for function in basis]
+        values = _RationalState(draw, known, parts)
+        for r, entry in enumerate(wanted):
+            row = [values(function[r]) for function in functions]
             if Terms().rank(sp.Matrix([*rows, row])) == len(rows) + 1:
                 rows.append(row)
-                right.append(values(terms.expand(entry)))
+                right.append(values(entry))
             if len(rows) == len(basis):
                 matrix = sp.Matrix(rows)
                 solution = matrix.adjugate() * sp.Matrix(right) / matrix.det(method="berkowitz")
@@ -143,24 +146,65 @@ def _symbolic(basis: Sequence[Column], column: Column, known: frozenset[Symbol],
 
 
 class _RationalState:
-    """Small rational values for every symbol but the known constants; angles on the unit circle."""
+    """Small rational values for every symbol but the known constants; angles on the unit circle.
 
-    def __init__(self, draw: int, known: frozenset[Symbol]) -> None:
-        self.draw, self.known = draw, known
+    `parts` says for each angle of the state which part of it gets a rational unit, so that its multiples have one.
+    """
+
+    def __init__(self, draw: int, known: frozenset[Symbol], parts: Mapping[Expr, int]) -> None:
+        self.draw, self.known, self.parts = draw, known, parts
 
     def __call__(self, expression: Expr) -> Expr:
-        expression = without_sums_of_angles(expression)
-        values: dict[Expr, Expr] = {}
-        for function in sorted(expression.atoms(sp.sin, sp.cos, sp.tan), key=sp.default_sort_key):
-            angle = function.args[0]
-            if angle.free_symbols and angle.free_symbols.isdisjoint(self.known):
-                t = self._number(angle)
-                sine, cosine = 2 * t / (1 + t**2), (1 - t**2) / (1 + t**2)
-                values[function] = {sp.sin: sine, sp.cos: cosine, sp.tan: sine / cosine}[function.func]
-        for symbol in expression.free_symbols - self.known:
-            values.setdefault(symbol, self._number(symbol))
-        return sp.cancel(expression.xreplace(values))
+        return sp.cancel(self._value(without_sums_of_angles(expression)))
+
+    def _value(self, expression: Expr) -> Expr:
+        if isinstance(expression, sp.sin | sp.cos | sp.tan):
+            cosine, sine = self._unit(expression.args[0])
+            return {sp.sin: sine, sp.cos: cosine, sp.tan: sine / cosine}[expression.func]
+        if expression.is_Symbol:
+            return expression if expression in self.known else self._number(expression)
+        return expression.func(*map(self._value, expression.args)) if expression.args else expression
+
+    def _unit(self, angle: Expr) -> tuple[Expr, Expr]:
+        """Cosine and sine: rational ones of the state's angles, turned by what remains."""
+        cosine, sine, rest = sp.S.One, sp.S.Zero, sp.S.Zero
+        for term in sp.Add.make_args(sp.expand(angle)):
+            factor, part = term.as_coeff_Mul()
+            if part not in self.parts:
+                rest += self._value(term)
+                continue
+            t = self._number(part)
+            one = ((1 - t**2) / (1 + t**2), 2 * t / (1 + t**2))
+            c, s = _turned(one, int(factor * self.parts[part]))
+            cosine, sine = cosine * c - sine * s, sine * c + cosine * s
+        if rest == 0:
+            return cosine, sine
+        c, s = sp.cos(rest), sp.sin(rest)
+        return cosine * c - sine * s, sine * c + cosine * s
 
     def _number(self, key: Expr) -> sp.Rational:
         value = int(Point(self.draw)(sp.Symbol(f"state {key}")))  # drawn from the name, the same in every process
         return sp.Rational(value % 17 + 2, value % 11 + 2 + 17)
+
+
+def _turned(unit: tuple[Expr, Expr], times: int) -> tuple[Expr, Expr]:
+    """The unit of an angle's multiple, by squaring."""
+    (c, s), square, left = (sp.S.One, sp.S.Zero), unit, abs(times)
+    while left:
+        if left % 2:
+            c, s = c * square[0] - s * square[1], s * square[0] + c * square[1]
+        square = (square[0] ** 2 - square[1] ** 2, 2 * square[0] * square[1])
+        left //= 2
+    return c, s if times >= 0 else -s
+
+
+def _parts(expressions: Iterable[Expr], known: frozenset[Symbol]) -> dict[Expr, int]:
+    """The state's angles, each with the common denominator of its multiples."""
+    parts: dict[Expr, int] = {}
+    for expression in expressions:
+        for function in expression.atoms(sp.sin, sp.cos, sp.tan):
+            for term in sp.Add.make_args(sp.expand(function.args[0])):
+                factor, part = term.as_coeff_Mul()
+                if part.free_symbols and part.free_symbols.isdisjoint(known):
+                    parts[part] = lcm(parts.get(part, 1), int(factor.q) if factor.is_Rational else 1)
+    return parts

@@ -107,7 +107,7 @@ class _Places:
 def _generic(number: Expr, index: int) -> mpf:
     """A parameter's number, moved a little, so that nothing cancels by chance; zero becomes a tenth."""
     moved = 1 + mpf((13 + 29 * index) % 97) / 1000
-    return moved * mpf(number.p) / number.q if number != 0 else moved / 10
+    return moved * Evaluation({}, {})(number) if number != 0 else moved / 10
 
 
 def _value(expression: Expr, numbers: Mapping[Symbol, mpf], terms: Terms) -> mpf | None:

@@ -11,6 +11,8 @@ from sympy import Expr, Symbol
 
 from wmr_input import WmrError
 
+from .constants import is_constant
+
 Unit = dict[str, Fraction]  # exponents of base units; radians count as 1
 
 
@@ -103,6 +105,8 @@ class Units:
             MixedUnits: If a sum adds different units.
         """
         if expression.is_Symbol:
+            if is_constant(expression):
+                return {}
             if expression not in self._known:
                 if expression not in self._definitions:
                     raise UnknownUnit(expression.name)

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
+from ..algebra.formula_text import with_decimals
 from ..derivation import Derivation
 from .metadata import Metadata
 from .program import Program
@@ -61,7 +62,8 @@ class _Tex:
 
     def plain(self, expression: Expr | Matrix) -> str:
         """`expression` as it stands."""
-        return str(sp.latex(expression, symbol_names={s: _name(s.name) for s in expression.free_symbols}))
+        short = with_decimals(expression) if isinstance(expression, sp.Expr) else expression.applyfunc(with_decimals)
+        return str(sp.latex(short, symbol_names={s: _name(s.name) for s in short.free_symbols}))
 
     def column(self, symbols: Iterable[Symbol | str]) -> str:
         names = [_name(s if isinstance(s, str) else s.name) for s in symbols]
@@ -78,6 +80,8 @@ class _Tex:
 
 def _name(name: str) -> str:
     """m_C -> m_{C}, beta1_dot -> \\dot{\\beta}_{1}, trailer_1_turning_v -> upright words."""
+    if name[:1].isdigit():
+        return name.replace("*pi", r" \pi")
     if name.endswith("_dot"):
         return rf"\dot{{{_name(name[:-4])}}}"
     head, _, rest = name.partition("_")

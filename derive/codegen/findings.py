@@ -7,6 +7,7 @@ from typing import Any
 import sympy as sp
 from sympy import Matrix
 
+from ..algebra.formula_text import formula
 from ..control.internal_dynamics import StraightLine
 from ..control.linearization import relative_degree
 from ..control.nonlinearity import Obstacle
@@ -31,13 +32,13 @@ def findings(derivation: Derivation) -> dict[str, Any]:
         "holonomic_rows": list(mobility.holonomic),
         "dropped_rows": d.kinematics.dropped,
         "pseudo_velocities": {
-            v.name: str(sum((c * rate for rate, c in form.items()), sp.S.Zero))
+            v.name: formula(sum((c * rate for rate, c in form.items()), sp.S.Zero))
             for v, form in d.kinematics.pseudo_velocities.items()
         },
         "degenerate_configurations": None
         if mobility.degenerate is None
-        else [" and ".join(f"{condition} = 0" for condition in one) for one in mobility.degenerate],
-        "kinematic_singularities": [f"{factor} = 0" for factor in d.kinematics.singularities],
+        else [" and ".join(f"{formula(condition)} = 0" for condition in one) for one in mobility.degenerate],
+        "kinematic_singularities": [f"{formula(factor)} = 0" for factor in d.kinematics.singularities],
         "parametrization": d.adaptive.kind,
         "parametrization_obstacle": None if d.adaptive.obstacle is None else _obstacle(d, d.adaptive.obstacle),
         **({} if d.control is None else _of_control(d, d.control)),
@@ -55,7 +56,7 @@ def _of_control(d: Derivation, control: Control) -> dict[str, Any]:
             for i, name in enumerate(control.linearization.outputs)
         },
         "determinant_of": "D" if det.is_square else "D D^T",
-        "det_decoupling_matrix": str(det.product),
+        "det_decoupling_matrix": formula(det.product),
         "det_denominator": det.denominator_text,
         "singular_where": det.singular_where,
         "determinant_parameters": [theta.name for theta in d.adaptive.theta if theta in det.gain.free_symbols],
@@ -69,7 +70,7 @@ def _obstacle(d: Derivation, obstacle: Obstacle) -> dict[str, Any]:
     denominator = sp.fraction(obstacle.factor)[1]
     expanded = d.terms.expand(denominator)
     return {
-        "denominator": str(expanded if sp.count_ops(expanded) <= _READABLE else denominator),
+        "denominator": formula(expanded if sp.count_ops(expanded) <= _READABLE else denominator),
         "mixes_state_and_parameters": obstacle.is_mixed,
         "rank_of_values": obstacle.rank,
         "states_and_parameter_sets": obstacle.samples,
@@ -78,14 +79,14 @@ def _obstacle(d: Derivation, obstacle: Obstacle) -> dict[str, Any]:
 
 
 def _rows(matrix: Matrix) -> list[list[str]]:
-    return [[str(entry) for entry in matrix.row(i)] for i in range(matrix.rows)]
+    return [[formula(entry) for entry in matrix.row(i)] for i in range(matrix.rows)]
 
 
 def _straight_line(line: StraightLine) -> dict[str, Any]:
     return {
-        "pseudo_velocities": [str(entry) for entry in line.pseudo_velocities],
+        "pseudo_velocities": [formula(entry) for entry in line.pseudo_velocities],
         "matrix": _rows(line.matrix),
-        "eigenvalues": [str(value) for value in line.eigenvalues],
+        "eigenvalues": [formula(value) for value in line.eigenvalues],
         "eigenvalues_at_defaults": [
             float(f"{v.real:.12g}") if abs(v.imag) < 1e-12 else [float(f"{part:.12g}") for part in (v.real, v.imag)]
             for v in line.values

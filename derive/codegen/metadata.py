@@ -8,6 +8,7 @@ from typing import Any
 import sympy as sp
 from sympy import Expr
 
+from ..algebra.formula_text import formula
 from ..derivation import Derivation
 from ..mechanics.poses import geometry
 from .arguments import arguments_of, unit_text, units_of
@@ -46,8 +47,8 @@ def describe(derivation: Derivation) -> Metadata:
         one = arguments[argument]
         return {symbol.name: unit for symbol, unit in zip(one.entries, one.units, strict=True)}
 
-    def formula(expression: Expr) -> str:
-        return str(sp.factor_terms(d.terms.expand(expression)))
+    def expanded(expression: Expr) -> str:
+        return formula(sp.factor_terms(d.terms.expand(expression)))
 
     pi = d.adaptive.inverse.base_parameters if d.adaptive.inverse else ()
     pi_names = [f"pi{k}" for k in range(1, len(pi) + 1)]
@@ -60,8 +61,8 @@ def describe(derivation: Derivation) -> Metadata:
         motors={
             motor.input: {
                 "drives": str(motor.wheel or motor.joint),
-                "torque_gain": str(motor.torque_gain),
-                "back_emf": str(motor.back_emf),
+                "torque_gain": formula(motor.torque_gain),
+                "back_emf": formula(motor.back_emf),
             }
             for motor in d.robot.motors
         },
@@ -72,11 +73,11 @@ def describe(derivation: Derivation) -> Metadata:
         known=table("c"),
         base_parameters=table("theta"),
         base_parameter_formulas={
-            s.name: formula(e) for s, e in zip(d.adaptive.theta, d.adaptive.base_parameters, strict=True)
+            s.name: expanded(e) for s, e in zip(d.adaptive.theta, d.adaptive.base_parameters, strict=True)
         },
         parametrization=d.adaptive.kind,
         inverse_base_parameters={name: unit_text(e, units, d) for name, e in zip(pi_names, pi, strict=True)},
-        inverse_base_parameter_formulas={name: formula(e) for name, e in zip(pi_names, pi, strict=True)},
+        inverse_base_parameter_formulas={name: expanded(e) for name, e in zip(pi_names, pi, strict=True)},
         geometry=geometry(d.robot),
         findings=findings(derivation),
     )

@@ -11,6 +11,8 @@ from sympy import Expr, Symbol
 from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
+from ..algebra.formula_text import with_decimals
+
 WIDTH = 116  # columns of a line inside a function
 _INDENT = " " * 4
 
@@ -33,15 +35,19 @@ class PythonCode(StrPrinter):  # type: ignore[misc]
         super().__init__()
         self._names, self._inlined, self._negated = names, inlined or {}, negated
 
+    def doprint(self, expr: Expr) -> str:
+        return str(super().doprint(with_decimals(expr)))
+
     def _print_Symbol(self, expr: Symbol) -> str:
-        if expr in self._inlined:
-            return self._print(self._inlined[expr])
-        name = self._names.get(expr, expr.name)
-        return f"-{name}" if expr in self._negated else name
+        return f"-{self._unsigned(expr)}" if expr in self._negated else self._unsigned(expr)
+
+    def _unsigned(self, symbol: Symbol) -> str:
+        """What is printed for a symbol, but for its sign."""
+        return self._print(self._inlined[symbol]) if symbol in self._inlined else self._names.get(symbol, symbol.name)
 
     def parenthesize(self, item: Expr, level: int, strict: bool = False) -> str:
         if item in self._negated:  # a factor: _print_Mul puts the sign in front of the product
-            return self._names[item]
+            return self._unsigned(item)
         return super().parenthesize(item, level, strict)
 
     def _print_Mul(self, expr: sp.Mul) -> str:

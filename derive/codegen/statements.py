@@ -35,9 +35,8 @@ class Statements:
     @cached_property
     def operations(self) -> int:
         """Arithmetic operations and function calls of one evaluation; equal entries are computed once."""
-        printed = {
-            s: (-1 if s in self.negated else 1) * Symbol(name, real=True) for s, name in self.names.items()
-        } | self.inlined
+        printed = {s: Symbol(name, real=True) for s, name in self.names.items()} | self.inlined
+        printed = {s: -value if s in self.negated else value for s, value in printed.items()}
         entries = {entry.xreplace(printed) for entry in self.entries.values()}
         definitions = [expression.xreplace(printed) for _, expression in self.assignments]
         return int(sum(sp.count_ops(expression) for expression in (*definitions, *entries)))
@@ -263,7 +262,7 @@ class _Names:
             words += ["minus"] if factor.is_negative else []
             words += [str(abs(factor)).replace("/", "_")] if abs(factor) != 1 else []
             words += [s.name for s in sorted_symbols(rest.free_symbols)] or [str(rest)]
-        text = "_".join([function.func.__name__, *words])
+        text = "_".join([function.func.__name__, *words]).replace(".", "_").replace("*", "_")
         return self.fresh(text if text.isidentifier() and len(text) <= 40 else f"{function.func.__name__}_1")
 
     def of_term(self, expression: Expr, number: int) -> Symbol:

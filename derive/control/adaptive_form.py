@@ -45,7 +45,7 @@ def adaptive_form(
     terms, v = kinematics.terms, kinematics.v
 
     def value(expression: Expr) -> float:
-        return float(terms.expand(expression).xreplace(kinematics.robot.defaults))
+        return float(terms.expand(expression).xreplace(kinematics.robot.numbers))
 
     a = tuple(terms.fresh(f"a_{s.name}") for s in v)
     inverse = _inverse_map(kinematics, dynamics, a, parameters, value)

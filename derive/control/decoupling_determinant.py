@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
+from ..algebra.constants import is_constant
+from ..algebra.formula_text import formula
 from ..algebra.trigonometry import factored
 from ..mechanics.dynamics import Dynamics
 from ..mechanics.kinematics import Kinematics
@@ -60,15 +62,19 @@ class Determinant:
     def denominator_text(self) -> str | None:
         """The denominator as text, for those who compute with it."""
         denominator = self.denominator
-        return None if denominator is None or sp.count_ops(denominator) > _LONGEST_TEXT else str(denominator)
+        return None if denominator is None or sp.count_ops(denominator) > _LONGEST_TEXT else formula(denominator)
 
     @property
     def singular_where(self) -> list[str]:
         """Conditions, one for each factor that can vanish."""
         numerators = [self.output_map, sp.fraction(self.gain)[0], self.actuation]
         factors = [factor.as_base_exp()[0] for e in numerators for factor in sp.Mul.make_args(e)]
-        state_or_theta = [factor for factor in factors if not factor.is_number and not isinstance(factor, sp.exp)]
-        return [f"{factor} = 0" for factor in dict.fromkeys(state_or_theta)]
+        state_or_theta = [
+            factor
+            for factor in factors
+            if not all(map(is_constant, factor.free_symbols)) and not isinstance(factor, sp.exp)
+        ]
+        return [f"{formula(factor)} = 0" for factor in dict.fromkeys(state_or_theta)]
 
 
 def decoupling_determinant(

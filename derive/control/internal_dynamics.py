@@ -126,7 +126,7 @@ def _straight_line(
             change(kinematics.kinematic_matrix).extract(rows, list(range(len(v)))) * v - kinematic_z * rotated
         )
     matrix = matrix.applyfunc(sp.simplify)
-    return StraightLine(v, matrix, _eigenvalues(matrix), _values(matrix.xreplace(robot.defaults)))
+    return StraightLine(v, matrix, _eigenvalues(matrix), _values(matrix.xreplace(robot.numbers)))
 
 
 def _translation(kinematic: Matrix, positions: list[int]) -> Matrix | None:

@@ -49,6 +49,11 @@ class Plausibility:
         except UnknownUnit:
             return
 
+    @property
+    def numbers(self) -> dict[Symbol, Expr]:
+        """The values of parameters, by default, and of constants."""
+        return dict(self.defaults) | self.reader.constants.values
+
     def is_positive(self, expression: Expr, place: str) -> None:
         """Fail with InputError if the value at the default parameters is zero or negative."""
         value = self.value(expression, place)
@@ -69,7 +74,7 @@ class Plausibility:
         Raises:
             InputError: If it is not a finite real number.
         """
-        value = sp.sympify(expression.xreplace(dict(self.defaults))).evalf(20)
+        value = sp.sympify(expression.xreplace(self.numbers)).evalf(20)
         if not (value.is_Float or value.is_Rational) or not value.is_finite:
             zeros = [symbol.name for symbol, number in self.defaults.items() if number == 0]
             hint = f"; {', '.join(zeros)} may not be zero" if zeros else ""

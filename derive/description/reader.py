@@ -8,6 +8,7 @@ from sympy import Expr, Symbol
 
 from wmr_input import Algebra, ExpressionError, InputError, evaluate
 
+from ..algebra.constants import Constants
 from .tables import FUNCTION_NAMES
 
 
@@ -16,6 +17,7 @@ class Reader:
 
     def __init__(self, file: str) -> None:
         self.file = file
+        self.constants = Constants()  # angles that are written as decimals
 
     def mistake(self, place: str, problem: str, remedy: str = "") -> InputError:
         return InputError(self.file, place, problem, remedy)
@@ -37,7 +39,7 @@ class Reader:
             raise self.mistake(place, f"{text[:60]!r} holds constants out of range", "use numbers of usual size")
         if any(not part.is_number for part in value.atoms(sp.Abs)):
             raise self.mistake(place, f"{text!r} is an absolute value, which has a kink", "write it without one")
-        return value
+        return self.constants.inside_functions(value)
 
 
 def symbol(name: str) -> Symbol:

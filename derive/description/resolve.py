@@ -1,6 +1,8 @@
 """Description -> robot: names resolved to symbols, texts to expressions, frames to a tree."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import sympy as sp
 from sympy import Expr, Symbol
@@ -32,7 +34,7 @@ def resolve(description: toml.RobotDescription, reader: Reader) -> Robot:
         InputError: If a name, a unit or a value is wrong.
     """
     check_names(description, reader)
-    return _Resolver(description, reader).robot()
+    return _exact(_Resolver(description, reader).robot())
 
 
 class _Resolver:
@@ -83,6 +85,7 @@ class _Resolver:
                 for v, text in description.pseudo_velocities.items()
             },
             outputs=self.outputs(),
+            constants=self.reader.constants,
             reader=self.reader,
         )
 
@@ -173,7 +176,7 @@ class _Resolver:
 
     def of_parameters(self, text: str, place: str, unit: str) -> Expr:
         expression = self.reader.expression(text, self.p, place, "this place takes parameters only")
-        self.plausible.has_unit(expression, unit, place)
+        expression = self.with_unit(expression, unit, place)
         self.plausible.value(expression, place)
         return expression
 
@@ -184,13 +187,46 @@ class _Resolver:
 
     def of_coordinates(self, text: str, place: str, unit: str | None = None) -> Expr:
         expression = self.reader.expression(text, {**self.q, **self.p}, place)
-        if unit is not None:
-            self.plausible.has_unit(expression, unit, place)
-        return expression
+        return expression if unit is None else self.with_unit(expression, unit, place)
+
+    def with_unit(self, expression: Expr, unit: str, place: str) -> Expr:
+        self.plausible.has_unit(expression, unit, place)
+        return self.reader.constants.in_angle(expression) if unit == "rad" else expression
 
     def of_rates(self, text: str, place: str) -> dict[Symbol, Expr]:
         expression = self.reader.expression(text, {**self.q, **self.p, **self.rates}, place)
         return _linear_in_rates(expression, list(self.rates.values()), text, place, self.reader)
+
+
+def _exact(robot: Robot) -> Robot:
+    """The robot with decimals inside sines and cosines as fractions; angles themselves keep them."""
+    exact = robot.constants.exact
+
+    def point(at: Point2) -> Point2:
+        return exact(at[0]), exact(at[1])
+
+    def form(row: dict[Symbol, Expr]) -> dict[Symbol, Expr]:
+        return {rate: exact(coefficient) for rate, coefficient in row.items()}
+
+    def body(part: Body) -> dict[str, Any]:
+        return {"at": point(part.at), "mass": exact(part.mass), "inertia": exact(part.inertia)}
+
+    v = robot.pseudo_velocities
+    return replace(
+        robot,
+        frames=tuple(replace(one, at=point(one.at), angle=exact(one.angle)) for one in robot.frames),
+        bodies=tuple(replace(one, **body(one)) for one in robot.bodies),
+        wheels=tuple(
+            replace(one, **body(one), radius=exact(one.radius), spin_inertia=exact(one.spin_inertia))
+            for one in robot.wheels
+        ),
+        motors=tuple(
+            replace(one, torque_gain=exact(one.torque_gain), back_emf=exact(one.back_emf)) for one in robot.motors
+        ),
+        constraints=tuple(map(form, robot.constraints)),
+        pseudo_velocities=None if v is None else {symbol: form(row) for symbol, row in v.items()},
+        outputs={name: exact(output) for name, output in robot.outputs.items()},
+    )
 
 
 def _linear_in_rates(

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import sympy as sp
 from sympy import Expr, Symbol
 
+from ..algebra.constants import Constants
 from .reader import Reader, symbol
 
 Point2 = tuple[Expr, Expr]
@@ -75,7 +76,13 @@ class Robot:
     constraints: tuple[dict[Symbol, Expr], ...]  # coefficients of the rates
     pseudo_velocities: dict[Symbol, dict[Symbol, Expr]] | None
     outputs: dict[str, Expr]  # empty if the model alone is wanted
+    constants: Constants  # angles that are written as decimals
     reader: Reader
+
+    @property
+    def numbers(self) -> dict[Symbol, Expr]:
+        """The values of parameters, by default, and of constants."""
+        return {**self.defaults, **self.constants.values}
 
     def rate(self, coordinate: Symbol) -> Symbol:
         return symbol(f"{coordinate.name}_dot")

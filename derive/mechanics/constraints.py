@@ -32,7 +32,7 @@ def constraint_rows(robot: Robot) -> Constraints:
     """
     velocities = plane_velocities(robot)
     rows = {
-        slip_origin(wheel.name): side_slip(wheel, velocities[wheel.frame])
+        slip_origin(wheel.name): side_slip(wheel, velocities[wheel.frame]).map(robot.constants.exact)
         for wheel in robot.wheels
         if wheel.is_conventional
     }
@@ -89,5 +89,6 @@ def plane_velocities(robot: Robot) -> dict[str, Velocity]:
             turned = heading[frame.name] - angle
             forward = forward + sp.cos(turned) * x_part + sp.sin(turned) * y_part
             lateral = lateral - sp.sin(turned) * x_part + sp.cos(turned) * y_part
-        velocities[frame.name] = Velocity(forward, lateral, turning[frame.name], ORIGIN)
+        velocity = Velocity(forward, lateral, turning[frame.name], ORIGIN)
+        velocities[frame.name] = velocity.map(lambda _, form: form.map(robot.constants.exact))
     return velocities

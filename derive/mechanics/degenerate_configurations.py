@@ -173,3 +173,18 @@ def _zeros(factor: Expr, coordinates: frozenset[Symbol]) -> Iterator[dict[Symbol
             for turn in turns:
                 yield {q: sp.expand(q + slope * (turn - angle))}
             return
+    for q in sorted_symbols(angle.free_symbols & coordinates):
+        slope = sp.diff(angle, q)
+        if slope.is_Rational and slope != 0:
+            yield from ({q: value} for value in _within_a_turn(q, slope, sp.expand(angle - slope * q), turns[0]))
+            return
+
+
+def _within_a_turn(q: Symbol, slope: sp.Rational, rest: Expr, turn: Expr) -> Iterator[Expr]:
+    """The values of `q` within one turn at which slope q + rest is `turn` or differs from it by half turns."""
+    most = int(sp.ceiling(abs(slope))) + 1
+    for k in range(-most, most + 1):
+        value = sp.expand((turn + k * sp.pi - rest) / slope)
+        about = sp.expand((turn + k * sp.pi) / slope)
+        if -sp.pi < about <= sp.pi:
+            yield value

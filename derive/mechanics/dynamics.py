@@ -81,7 +81,7 @@ def derive_dynamics(kinematics: Kinematics) -> Dynamics:
     inputs = tuple(symbol(motor.input) for motor in robot.motors)
     loads = tuple(terms.fresh(f"w_{s.name}") for s in v)
     input_matrix = (rates_matrix.T * gains).applyfunc(shortest)
-    force = input_matrix * Matrix(inputs) - coriolis * v - Matrix(loads)
+    force = input_matrix * Matrix(len(inputs), 1, inputs) - coriolis * v - Matrix(loads)
     return Dynamics(
         inputs=inputs,
         loads=loads,

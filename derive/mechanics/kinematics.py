@@ -57,7 +57,7 @@ class Kinematics:
         velocities = [part for one in self.velocities.values() for part in (one.forward, one.lateral, one.turning)]
         forms = [*velocities, *self.wheel_rates.values(), *self.joint_rates.values()]
         functions = list(dict.fromkeys([*self.kinematic_matrix, *(c for form in forms for c in form.values())]))
-        return tuple(f for f in moving if leaves_a_pole(f, functions, self.q, self.robot.defaults, self.terms))
+        return tuple(f for f in moving if leaves_a_pole(f, functions, self.q, self.robot.numbers, self.terms))
 
     @property
     def actuator_rates_matrix(self) -> Matrix:
@@ -96,7 +96,9 @@ def solve_kinematics(robot: Robot, pseudo_velocities: Mapping[Symbol, Form], con
         kinematic_matrix=stacked(list(rates.values()), list(pseudo_velocities)),
         velocities=tree.velocities,
         wheel_rates={
-            wheel.name: named(f"{wheel.name}_rate", rolling_rate(wheel, tree.velocities[wheel.frame]))
+            wheel.name: named(
+                f"{wheel.name}_rate", rolling_rate(wheel, tree.velocities[wheel.frame]).map(robot.constants.exact)
+            )
             for wheel in robot.wheels
         },
         joint_rates={

@@ -47,7 +47,7 @@ class Poles:
         places += [turned(c, sign * np.pi / 2 + _NEAR) for c in columns for sign in (1, -1)]
         self._size, self._quarters = count, slice(1 + len(columns) * _GRID, len(places))
         forms = [*constraints.rows.values(), *candidates.values()]
-        matrix = stacked(forms, [robot.rate(q) for q in robot.coordinates]).xreplace(robot.defaults)
+        matrix = stacked(forms, [robot.rate(q) for q in robot.coordinates]).xreplace(robot.numbers)
         self._rows = _values(matrix, robot.coordinates, np.array(places))
         self._fixed = list(range(len(constraints.rows)))
         self._places = {v: len(constraints.rows) + k for k, v in enumerate(candidates)}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import sympy as sp
 from sympy import Expr
 
+from ..algebra.formula_text import formula
 from ..algebra.trigonometry import shortest
 from ..description.robot import Point2, Robot
 
@@ -50,8 +51,8 @@ def geometry(robot: Robot) -> dict[str, dict[str, dict[str, str]]]:
     }
     wheels = {
         wheel.name: _texts(poses[wheel.frame].child(wheel.at, wheel.heading))
-        | {"frame": wheel.frame, "radius": str(wheel.radius)}
-        | ({} if wheel.is_conventional else {"roller_angle": str(wheel.roller_angle)})
+        | {"frame": wheel.frame, "radius": formula(wheel.radius)}
+        | ({} if wheel.is_conventional else {"roller_angle": formula(wheel.roller_angle)})
         for wheel in robot.wheels
     }
     bodies = {
@@ -62,4 +63,4 @@ def geometry(robot: Robot) -> dict[str, dict[str, dict[str, str]]]:
 
 
 def _texts(pose: Pose) -> dict[str, str]:
-    return {"x": str(pose.x), "y": str(pose.y), "heading": str(pose.heading)}
+    return {"x": formula(pose.x), "y": formula(pose.y), "heading": formula(pose.heading)}

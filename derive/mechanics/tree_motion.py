@@ -24,7 +24,7 @@ class TreeMotion:
     """
 
     def __init__(self, robot: Robot, terms: Terms, given: frozenset[Symbol]) -> None:
-        self.robot = robot
+        self.robot, self._exact = robot, robot.constants.exact
         coordinates = set(robot.coordinates)
         self.elimination = Elimination(terms, given, lambda e: terms.atoms(e).isdisjoint(coordinates))
         self.rates = {q: Form({robot.rate(q): sp.S.One}) for q in robot.coordinates}
@@ -36,9 +36,11 @@ class TreeMotion:
         velocity = self._root_velocity(frame) if frame.parent is None else self._child_velocity(frame)
         rolling = [w for w in self.robot.wheels if w.frame == frame.name and w.is_conventional]
         if rolling:  # at the axle, where the lateral speed will be zero
-            velocity = velocity.moved(_foot_on_axle(rolling[0]))
+            x, y = map(self._exact, _foot_on_axle(rolling[0]))
+            velocity = velocity.moved((shortest(x), shortest(y)))
         self.elimination.add(
-            Equation(side_slip(wheel, velocity), slip_origin(wheel.name), is_constraint=True) for wheel in rolling
+            Equation(side_slip(wheel, velocity).map(self._exact), slip_origin(wheel.name), is_constraint=True)
+            for wheel in rolling
         )
         self.velocities[frame.name] = velocity
         self._reduce()
@@ -54,7 +56,7 @@ class TreeMotion:
         self.elimination.finish()
 
     def _root_velocity(self, frame: Frame) -> Velocity:
-        cosine, sine = sp.cos(frame.angle), sp.sin(frame.angle)
+        cosine, sine = self._exact(sp.cos(frame.angle)), self._exact(sp.sin(frame.angle))
         x, y = frame.at
         turning = self._turning(frame, Form())
         if x in self.unmet and y in self.unmet and x != y and frame.angle.free_symbols.isdisjoint({x, y}):
@@ -68,7 +70,8 @@ class TreeMotion:
 
     def _child_velocity(self, frame: Frame) -> Velocity:
         parent = self.velocities[str(frame.parent)]
-        return child_velocity(parent, frame, self._turning(frame, parent.turning))
+        velocity = child_velocity(parent, frame, self._turning(frame, parent.turning))
+        return velocity.map(lambda _, form: form.map(self._exact))
 
     def _turning(self, frame: Frame, parent_turning: Form) -> Form:
         """The frame's turning rate: an unknown of its own if its angle is a coordinate of its own."""
@@ -107,4 +110,4 @@ def _foot_on_axle(wheel: Wheel) -> Point2:
     """The point of the wheel's axle line that is nearest to the frame's origin."""
     direction = (sp.cos(wheel.heading), sp.sin(wheel.heading))
     ahead = wheel.at[0] * direction[0] + wheel.at[1] * direction[1]
-    return shortest(ahead * direction[0]), shortest(ahead * direction[1])
+    return ahead * direction[0], ahead * direction[1]

@@ -7,6 +7,8 @@ import numpy as np
 from wmr_afl.model.laws.law import Law, Situation, relative
 from wmr_afl.numerics.arrays import Floats
 
+_STEPS = tuple(1e-2 / 4.0**k for k in range(7))  # of differences, in units of the state and the input
+
 
 def _libraries_agree(s: Situation) -> float:
     worst = 0.0
@@ -57,9 +59,26 @@ def _jacobians_are_derivatives(s: Situation) -> float:
 
 
 def _jacobians_are_differences(s: Situation) -> float:
-    """Central differences with Richardson's extrapolation."""
+    """Central differences with Richardson's extrapolation, each state with the step at which they change least.
 
-    def change(step: float, wrt: int) -> Floats:
+    Near a singularity a fixed step reaches too far. Which step is right is judged by the differences alone, so that a
+    wrong Jacobian still shows. Deviations are relative to the state's own Jacobian.
+    """
+    worst = 0.0
+    for wrt, term in enumerate((s.numpy.state_jacobian, s.numpy.input_jacobian)):
+        jacobian = term(s.x, s.u, s.w, s.p)
+        if not jacobian.size:
+            continue
+        difference = np.abs(jacobian - _settled([_differences(s, wrt, step) for step in _STEPS]))
+        size = np.maximum(1.0, np.abs(jacobian).max(axis=(1, 2), keepdims=True))
+        worst = max(worst, float(np.max(difference / size)))
+    return worst
+
+
+def _differences(s: Situation, wrt: int, step: float) -> Floats:
+    """dx'/dx or dx'/du, (batch, 2n-m, columns), by differences of order 4."""
+
+    def change(step: float) -> Floats:
         given = [s.x, s.u, s.w, s.p]
         columns = []
         for row in np.eye(given[wrt].shape[1]):
@@ -68,11 +87,15 @@ def _jacobians_are_differences(s: Situation) -> float:
             columns.append((s.numpy.state_derivative(*ahead) - s.numpy.state_derivative(*behind)) / (2.0 * step))
         return np.stack(columns, axis=-1)
 
-    worst = 0.0
-    for wrt, term in enumerate((s.numpy.state_jacobian, s.numpy.input_jacobian)):
-        extrapolated = (4.0 * change(0.5e-3, wrt) - change(1e-3, wrt)) / 3.0
-        worst = max(worst, relative(term(s.x, s.u, s.w, s.p), extrapolated))
-    return worst
+    return (4.0 * change(0.5 * step) - change(step)) / 3.0
+
+
+def _settled(estimates: list[Floats]) -> Floats:
+    """Of every entry the estimate that differs least from the one at the next smaller step."""
+    stacked = np.stack(estimates)
+    changes = np.abs(np.diff(stacked, axis=0))
+    best = np.argmin(np.where(np.isfinite(changes), changes, np.inf), axis=0)
+    return np.take_along_axis(stacked[1:], best[None], axis=0)[0]
 
 
 def _trusted_values(s: Situation) -> float:

@@ -92,8 +92,10 @@ class Situation:
     def jacobian(self, term: str, wrt: str) -> Floats:
         """The Jacobian of a vector term by its argument `wrt`, by CasADi's automatic differentiation."""
         size = self.arguments[wrt].shape[1]
-        columns = [self.along(term, np.tile(row, (len(self.x), 1)), wrt)[:, :, 0] for row in np.eye(size)]
-        return np.stack(columns, axis=-1)
+        jacobian = np.zeros((len(self.x), self.function(term).numel_out(0), size))
+        for column, row in enumerate(np.eye(size)):
+            jacobian[:, :, column] = self.along(term, np.tile(row, (len(self.x), 1)), wrt)[:, :, 0]
+        return jacobian
 
     def function(self, term: str) -> ca.Function:
         """The casadi.Function of a term."""

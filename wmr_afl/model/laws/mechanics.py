@@ -79,7 +79,10 @@ def _of_motors(s: Situation, key: str) -> Floats:
     """A motor constant of every motor, from its formula in the physical parameters, (batch, n_u)."""
     names = dict(zip(s.numpy.parameter_units, s.p.T, strict=True))
     values = [numpy_value(motor[key], names) for motor in s.numpy.metadata["motors"].values()]
-    return np.stack(np.broadcast_arrays(*values, s.p[:, 0])[:-1], axis=-1)
+    columns = np.zeros((len(s.x), len(values)))
+    for k, value in enumerate(values):
+        columns[:, k] = value
+    return columns
 
 
 LAWS = (

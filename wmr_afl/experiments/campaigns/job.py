@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from wmr_afl.errors import InputError, UnknownNameError, WmrError
 from wmr_afl.experiments.assembly import assemble
+from wmr_afl.experiments.campaigns.identity import Identity, difference, identity_of
 from wmr_afl.experiments.campaigns.result import IMPOSSIBLE
 from wmr_afl.experiments.distributions import BLOCK, CampaignTable, draws, noise_seeds
 from wmr_afl.experiments.experiment import Experiment
@@ -45,6 +46,7 @@ class Job:
     controller: str
     model_files: Mapping[str, str]  # name -> text, if the model does not come with the package
     backend: str
+    identity: Identity  # versions, code and compiler of the process that made the job
     fingerprint: str
 
 
@@ -73,7 +75,9 @@ def prepare(experiment: str | Path, controller: str | None = None, backend: str 
         files = {file.name: file.read_text(encoding="utf-8") for file in sorted(loop.model.folder.glob("*model.*"))}
     if backend == "auto":  # one backend for all blocks, on every machine
         backend = "compiled" if isinstance(kernel_of(loop, "auto", False), CompiledKernel) else "casadi"
-    job = Job(described, table, name, files, backend, _fingerprint(described, table, name, loop, backend))
+    identity = identity_of(backend, loop.model)
+    fingerprint = _fingerprint(described, table, name, loop, backend, identity)
+    job = Job(described, table, name, files, backend, identity, fingerprint)
     with mistakes_at(path, "[campaign]"):
         faults = ensemble_of(job, loop, 0, BLOCK)[2]
         if len(faults) == BLOCK:
@@ -129,12 +133,30 @@ def loop_of(job: Job) -> ClosedLoop:
         WmrError: if this process would compute other numbers than the process that made the job.
     """
     if job.fingerprint not in _ASSEMBLED:
+        _check_same(job.identity, identity_of(job.backend))  # before another version stumbles over the job
         folder = tempfile.TemporaryDirectory()
-        loop = _assemble(job, Path(folder.name))
-        if _fingerprint(job.experiment, job.table, job.controller, loop, job.backend) != job.fingerprint:
-            raise WmrError("this process has another version of the model or of wmr_afl", "install the same everywhere")
-        _ASSEMBLED[job.fingerprint] = loop, folder
+        try:
+            _ASSEMBLED[job.fingerprint] = _same_loop(job, Path(folder.name)), folder
+        except BaseException:
+            folder.cleanup()
+            raise
     return _ASSEMBLED[job.fingerprint][0]
+
+
+def _same_loop(job: Job, folder: Path) -> ClosedLoop:
+    """The closed loop of a job, checked to give the numbers of the process that made it."""
+    loop = _assemble(job, folder)
+    here = identity_of(job.backend, loop.model)
+    _check_same(job.identity, here)
+    if _fingerprint(job.experiment, job.table, job.controller, loop, job.backend, here) != job.fingerprint:
+        raise WmrError("this process has another version of the model or of wmr_afl", "install the same everywhere")
+    return loop
+
+
+def _check_same(there: Identity, here: Identity) -> None:
+    found = difference(there, here)
+    if found:
+        raise WmrError(f"this process would compute other numbers: it has {found}", "install the same everywhere")
 
 
 def _assemble(job: Job, folder: Path) -> ClosedLoop:
@@ -147,8 +169,10 @@ def _assemble(job: Job, folder: Path) -> ClosedLoop:
     return assemble(experiment, folder / "experiment.toml")[job.controller]
 
 
-def _fingerprint(experiment: Experiment, table: CampaignTable, controller: str, loop: ClosedLoop, backend: str) -> str:
-    """The digest of what the numbers depend on: the loop's C text, its start, its values, and the draws."""
+def _fingerprint(
+    experiment: Experiment, table: CampaignTable, controller: str, loop: ClosedLoop, backend: str, identity: Identity
+) -> str:
+    """The digest of what the numbers depend on: the loop's C text, its start and values, the draws, all code."""
     numbers = Layout(loop.states).pack(loop.states).tobytes() + Layout(loop.values).pack(loop.values).tobytes()
     parts = (
         kernel_text(trace(loop), watched_signals(loop), LANES, False)[0],
@@ -156,6 +180,6 @@ def _fingerprint(experiment: Experiment, table: CampaignTable, controller: str, 
         experiment.simulation.model_dump_json(),
         experiment.uncertainties.model_dump_json(),
         table.model_dump_json(exclude={"success"}),
-        repr((sorted(experiment.parameters.items()), backend, BLOCK)),
+        repr((sorted(experiment.parameters.items()), backend, BLOCK, sorted(identity.items()))),
     )
     return hashlib.sha256("\0".join(parts).encode() + numbers).hexdigest()

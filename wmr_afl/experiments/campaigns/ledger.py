@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import io
 import json
-import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from wmr_afl.errors import WmrError
+from wmr_afl.experiments.campaigns.identity import Identity, difference
+from wmr_input.whole_files import is_unfinished, remove_abandoned, write_whole
 
 Columns = dict[str, NDArray[Any]]  # by name, one row a run
 _IDENTITY = "of campaign and block"  # key in every file of a block: fingerprint and number
+_NOTE, _LOCK = "campaign.json", ".lock"
+_SUMMARIES = ("summary.json", "errors.png", "errors.svg", "success.png", "success.svg")  # of finished campaigns
 
 
 class Ledger:
@@ -25,21 +30,31 @@ class Ledger:
         WmrError: if the folder holds another campaign or cannot be written.
     """
 
-    def __init__(self, folder: Path, fingerprint: str) -> None:
-        self.folder, self.fingerprint, self._note = folder, fingerprint, folder / "campaign.json"
-        self._guard(lambda: folder.mkdir(parents=True, exist_ok=True))
+    def __init__(self, folder: Path, fingerprint: str, identity: Identity | None = None) -> None:
+        """`identity`: what the fingerprint covers besides the experiment, kept to tell what has changed."""
+        self.folder, self.fingerprint, self._note = folder, fingerprint, folder / _NOTE
+        _guard(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
+        remove_abandoned(folder)
         if self._note.exists():
-            try:
-                there = json.loads(self._note.read_text(encoding="utf-8"))["fingerprint"]
-            except (OSError, ValueError, KeyError, TypeError):
-                raise WmrError(f"{self._note}: is damaged", f"remove {folder}, or name another --out") from None
-            if there != fingerprint:
-                raise WmrError(
-                    f"{folder}: holds another campaign, or the experiment, the model or the code have changed since",
-                    "name another --out, or begin anew with --fresh",
-                )
+            self._check(identity or {})
         else:
-            self._write(self._note, json.dumps({"fingerprint": fingerprint}).encode())
+            self._write(self._note, json.dumps({"fingerprint": fingerprint, "identity": {**(identity or {})}}).encode())
+
+    def _check(self, here: Identity) -> None:
+        """Check that the folder's campaign is this one."""
+        try:
+            content = json.loads(self._note.read_text(encoding="utf-8"))
+            there, identity = content["fingerprint"], content.get("identity", {})
+            changed = difference({str(what): str(which) for what, which in identity.items()}, here)
+        except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+            raise WmrError(f"{self._note}: is damaged", f"remove {self.folder}, or name another --out") from None
+        if there != self.fingerprint:
+            found = f" (here is {changed})" if changed else ""
+            raise WmrError(
+                f"{self.folder}: holds another campaign, or the experiment, the model or the code have changed "
+                f"since{found}",
+                "name another --out, or begin anew with --fresh",
+            )
 
     def read(self, block: int, count: int) -> Columns | None:
         """A block's first `count` runs; None if they are not finished or the file is damaged."""
@@ -68,30 +83,34 @@ class Ledger:
         return self.folder / f"block_{block:06d}.npz"
 
     def _write(self, path: Path, content: bytes) -> None:
-        """Write a file beside the target, flush it to the disk, and rename it: the target is never half written."""
+        """Write a file whole or not at all."""
+        _guard(self.folder, lambda: write_whole(path, content))
 
-        def write() -> None:
-            name = self.folder / f".unfinished-{os.getpid()}-{path.name}"
-            try:
-                with open(name, "wb") as file:
-                    file.write(content)
-                    file.flush()
-                    os.fsync(file.fileno())
-                os.replace(name, path)
-            except BaseException:
-                name.unlink(missing_ok=True)
-                raise
 
-        self._guard(write)
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a campaign's folder; the lock of a process that has died counts for nothing.
 
-    def _guard(self, act: Callable[[], object]) -> None:
+    Raises:
+        WmrError: if another process has the lock, or the folder cannot be written.
+    """
+    lock = FileLock(folder / _LOCK, timeout=0)
+
+    def acquire() -> None:
+        folder.mkdir(parents=True, exist_ok=True)
         try:
-            act()
-        except OSError as error:
-            raise WmrError(
-                f"{self.folder}: cannot be written ({error.strerror})",
-                "make room or name another --out; finished blocks are kept, and the same command goes on from there",
-            ) from None
+            lock.acquire()
+        except Timeout:
+            problem = f"{folder}: another process runs a campaign in this folder"
+            raise WmrError(problem, "wait until it ends, or name another --out") from None
+        except NotImplementedError:  # a file system without locks, on which two processes lose time and no number
+            pass
+
+    _guard(folder, acquire)
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def clear(folder: Path) -> None:
@@ -101,7 +120,19 @@ def clear(folder: Path) -> None:
         WmrError: if they cannot be removed.
     """
     try:
-        for path in [*folder.glob("block_*.npz"), *folder.glob(".unfinished-*"), folder / "campaign.json"]:
-            path.unlink(missing_ok=True)
+        for path in folder.iterdir() if folder.is_dir() else ():
+            is_block = path.name.startswith("block_") and path.suffix == ".npz"
+            if is_block or is_unfinished(path.name) or path.name in (_NOTE, *_SUMMARIES):
+                path.unlink(missing_ok=True)
     except OSError as error:
         raise WmrError(f"{error.filename}: cannot be removed ({error.strerror})", "name another --out") from None
+
+
+def _guard(folder: Path, act: Callable[[], object]) -> None:
+    try:
+        act()
+    except OSError as error:
+        raise WmrError(
+            f"{folder}: cannot be written ({error.strerror})",
+            "make room or name another --out; finished blocks are kept, and the same command goes on from there",
+        ) from None

@@ -10,7 +10,7 @@ import numpy as np
 
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.campaigns.job import Columns, Job, ensemble_of, loop_of, prepare
-from wmr_afl.experiments.campaigns.ledger import Ledger, clear
+from wmr_afl.experiments.campaigns.ledger import Ledger, clear, locked
 from wmr_afl.experiments.campaigns.result import IMPOSSIBLE, CampaignResult
 from wmr_afl.experiments.campaigns.workers import here, on_cluster
 from wmr_afl.experiments.distributions import BLOCK
@@ -45,11 +45,18 @@ def campaign(
     if not 1 <= runs <= MOST_RUNS:
         raise WmrError(f"{runs} runs", f"choose 1 to {MOST_RUNS}")
     job = prepare(experiment, controller, backend)
-    ledger = None
-    if out is not None:
+    if out is None:
+        return _run(job, runs, threads, scheduler, progress, None)
+    with locked(Path(out)):
         if fresh:
             clear(Path(out))
-        ledger = Ledger(Path(out), job.fingerprint)
+        return _run(job, runs, threads, scheduler, progress, Ledger(Path(out), job.fingerprint, job.identity))
+
+
+def _run(
+    job: Job, runs: int, threads: int, scheduler: str | None, progress: Callable[[int], None], ledger: Ledger | None
+) -> CampaignResult:
+    """All runs, except those in blocks that are in the ledger."""
     wanted = [(block, min(BLOCK, runs - block * BLOCK)) for block in range(-(-runs // BLOCK))]
     blocks: dict[int, Columns] = {}
     for block, count in wanted:

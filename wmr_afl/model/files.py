@@ -6,11 +6,14 @@ import functools
 import hashlib
 import inspect
 import json
+import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any
 
+import numpy as np
 from casadi import Function
 
 from wmr_afl.errors import InputError, UnknownNameError
@@ -119,21 +122,32 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     return content
 
 
-def read_trusted_values(folder: Path, metadata: dict[str, Any]) -> dict[str, Any]:
-    """The content of `trusted_values.json`, which belongs to this `model.json`.
+def read_trusted_values(folder: Path, metadata: dict[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
+    """The content of `trusted_values.json`, which belongs to this `model.json`; `sizes`: of each argument.
 
     Raises:
         InputError: if the file is missing or damaged, or not the one that was derived.
     """
     path = folder / "trusted_values.json"
-    content = _parsed(path, _read_derived(path, metadata))
-    functions = metadata["functions"]
-    needed = {"arguments": {name for one in functions.values() for name in one["arguments"]}, "values": set(functions)}
-    for key, names in needed.items():
+    content, functions = _parsed(path, _read_derived(path, metadata)), metadata["functions"]
+    arguments = {name: (sizes[name],) for one in functions.values() for name in one["arguments"]}
+    values = {name: tuple(one["size"]) for name, one in functions.items()}
+    for key, shapes in (("arguments", arguments), ("values", values)):
         table = content.get(key) if isinstance(content, dict) else None
-        if not isinstance(table, dict) or not names <= table.keys():
-            raise InputError(str(path), key, "is missing or damaged", AGAIN)
+        for name, shape in shapes.items():
+            there = table.get(name) if isinstance(table, dict) else None
+            if not _is_array(there, shape):
+                raise InputError(str(path), f"{key} {name}", "is missing or damaged", AGAIN)
     return content
+
+
+def _is_array(value: Any, shape: tuple[int, ...]) -> bool:
+    """Whether nested lists hold numbers of this shape."""
+    try:
+        array = np.array(value)
+    except (ValueError, OverflowError):  # of lists that do not fit each other, or nested too deeply
+        return False
+    return array.dtype.kind in "fi" and array.size == math.prod(shape) and bool(np.isfinite(array).all())
 
 
 def _read_derived(path: Path, metadata: dict[str, Any]) -> str:

@@ -13,6 +13,7 @@ from wmr_afl.errors import InputError, MissingTermError, ShapeError, UnknownName
 from wmr_afl.model.files import AGAIN, model_folder, open_model, read_trusted_values
 from wmr_afl.model.term import Term, checked_vector
 from wmr_afl.numerics.arrays import LIBRARIES, Arrays, Floats
+from wmr_input import closest
 
 Library = Literal["numpy", "casadi"]
 
@@ -76,7 +77,8 @@ class Model:
         """
         if name.startswith("_"):
             raise AttributeError(name)
-        raise MissingTermError(f"model {self.name} has no {name}: its parametrization is {self.parametrization}")
+        problem = f"model {self.name} has no {name}: its parametrization is {self.parametrization}"
+        raise MissingTermError(problem, closest(name, self._functions))
 
     def __dir__(self) -> list[str]:
         return [*super().__dir__(), *self._functions]
@@ -117,7 +119,8 @@ class Model:
         Raises:
             InputError: if the file is missing or damaged, or not the one that was derived.
         """
-        return read_trusted_values(self.folder, self.metadata)
+        sizes = {argument: len(names) for argument, names in self._entries().items()}
+        return read_trusted_values(self.folder, self.metadata, sizes)
 
     def in_library(self, library: Library) -> Model:
         """The same model in NumPy or in CasADi.

@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 ROBOTS := $(sort $(wildcard derive/robots/*.toml))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test generate check-generated lint types bench notebooks clean
+.PHONY: help run test fuzz generate check-generated lint types bench notebooks clean
 
 help:  ## Show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -16,6 +16,9 @@ run: $(VENV)/run.installed check-generated  ## Derive the robots, check the gene
 
 test: lint types  ## Install what is needed and run every check
 	$(BIN)/python -m pytest -n 2 -q
+
+fuzz: $(VENV)/test.installed  ## Feed damaged files to every command, seed after seed, until one ends in a traceback
+	$(BIN)/python tests/fuzz.py
 
 generate: $(VENV)/run.installed  ## Derive every robot again into generated/
 	$(BIN)/python -m derive $(ROBOTS) --out generated

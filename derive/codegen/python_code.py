@@ -36,7 +36,7 @@ class PythonCode(StrPrinter):  # type: ignore[misc]
         self._names, self._inlined, self._negated = names, inlined or {}, negated
 
     def doprint(self, expr: Expr) -> str:
-        return str(super().doprint(with_decimals(expr)))
+        return str(super().doprint(with_decimals(sp.sympify(expr))))
 
     def _print_Symbol(self, expr: Symbol) -> str:
         return f"-{self._unsigned(expr)}" if expr in self._negated else self._unsigned(expr)

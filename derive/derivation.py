@@ -13,6 +13,7 @@ from sympy import Expr, Matrix, Symbol
 from wmr_input import InputError
 
 from .algebra.attempts import Attempts, reason, shown
+from .algebra.evaluation import NotFinite, rank_in_numbers
 from .algebra.finite_field import NotRepresentable
 from .algebra.named_terms import Terms
 from .algebra.separation import Parameters
@@ -26,6 +27,7 @@ from .mechanics.constraints import constraint_rows
 from .mechanics.dynamics import Dynamics, derive_dynamics
 from .mechanics.kinematics import Kinematics
 from .mechanics.mobility import Mobility, classify
+from .mechanics.over_constraint import check_axles
 from .mechanics.pseudo_velocities import choose_kinematics
 
 Progress = Callable[[str], None]
@@ -105,6 +107,7 @@ def _derive(robot: Robot, progress: Progress) -> Derivation:
     attempts = Attempts()
     progress("kinematics")
     constraints = constraint_rows(robot)
+    check_axles(robot, constraints)
     kinematics = choose_kinematics(robot, constraints)
     _check_motors(kinematics)
     progress("mobility")
@@ -158,12 +161,19 @@ def _check_defaults(kinematics: Kinematics, dynamics: Dynamics, linearization: L
         matrices.append((dynamics.input_matrix, "[[motors]]", "the motors do not reach every pseudo-velocity"))
         matrices.append((linearization.output_map, "[outputs]", "the decoupling matrix is singular everywhere"))
     for matrix, table, problem in matrices:
-        try:
-            regular = terms.rank(matrix, robot.numbers) == wanted
-        except NotRepresentable:
-            regular = False
-        if not regular:
+        if _rank_at(matrix, robot.numbers, terms) < wanted:
             raise robot.reader.mistake(table, f"with the default parameters {problem}", remedy)
+
+
+def _rank_at(matrix: Matrix, numbers: dict[Symbol, Expr], terms: Terms) -> int:
+    """The rank with given numbers: exact, or to many digits if the field lacks a root of these numbers; 0 if none."""
+    try:
+        return terms.rank(matrix, numbers)
+    except NotRepresentable:
+        try:
+            return rank_in_numbers(matrix, numbers, terms.definitions)
+        except NotFinite:
+            return 0
 
 
 def _split_parameters(kinematics: Kinematics) -> Parameters:

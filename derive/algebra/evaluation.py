@@ -7,7 +7,11 @@ from collections.abc import Iterable, Mapping
 import mpmath
 import sympy as sp
 from mpmath import mpf
-from sympy import Expr, Symbol
+from sympy import Expr, Matrix, Symbol
+
+_DIGITS = 50
+_NOISE = mpf("1e-30")  # of the largest singular value
+_PLACES = 20
 
 FUNCTIONS = {
     sp.Abs: mpmath.fabs,
@@ -68,3 +72,38 @@ class Evaluation:
         if expression.func not in FUNCTIONS:
             raise NotImplementedError(f"no value of {expression.func.__name__}")
         return FUNCTIONS[expression.func](*arguments)
+
+
+def rank_in_numbers(matrix: Matrix, numbers: Mapping[Symbol, Expr], definitions: Mapping[Symbol, Expr]) -> int:
+    """The rank of `matrix` where some symbols have given `numbers` and all others ordinary ones, to many digits.
+
+    For functions that no exact field holds, as the root of a number.
+
+    Raises:
+        NotFinite: If it has no value at any of the places tried.
+    """
+    with mpmath.workdps(_DIGITS):
+        given = {symbol: Evaluation({}, {})(number) for symbol, number in numbers.items()}
+        for draw in range(_PLACES):
+            free = sorted(_undefined(matrix, definitions) - given.keys(), key=lambda symbol: symbol.name)
+            drawn = {symbol: mpf((29 + 37 * k + 53 * draw) % 101) / 101 for k, symbol in enumerate(free)}
+            values = Evaluation(given | drawn, definitions)
+            try:
+                rows = [[values(entry) for entry in matrix.row(i)] for i in range(matrix.rows)]
+            except (NotFinite, ZeroDivisionError):
+                continue
+            sizes = mpmath.svd_r(mpmath.matrix(rows), compute_uv=False) if rows and rows[0] else []
+            return sum(size > _NOISE * max(sizes) for size in sizes)
+    raise NotFinite(matrix)
+
+
+def _undefined(matrix: Matrix, definitions: Mapping[Symbol, Expr]) -> set[Symbol]:
+    """The symbols without a definition that a matrix rests on."""
+    found: set[Symbol] = set()
+    left = list(matrix.free_symbols)
+    while left:
+        symbol = left.pop()
+        if symbol not in found:
+            found.add(symbol)
+            left.extend(definitions[symbol].free_symbols if symbol in definitions else ())
+    return found - definitions.keys()

@@ -5,12 +5,32 @@ from __future__ import annotations
 import sympy as sp
 from sympy import Expr
 
+TOO_LONG = "too long to be read"  # what stands in the place of such a formula
+_LONGEST_TEXT = 20_000  # characters; longer formulas are read by nobody
+_DEEPEST = 30  # parentheses; `wmr_input` reads a few more
+_MOST_OPERATIONS = 4000  # above which a text is not even tried
 _LONGEST = 2**53  # numerators and denominators beyond are printed as decimals, to a double's last digit
 
 
 def formula(expression: Expr) -> str:
     """`expression` as text, in which no number is longer than a double."""
     return str(with_decimals(expression))
+
+
+def readable(expression: Expr) -> str | None:
+    """`expression` as text; None if it is longer or deeper than people and `wmr_input` read."""
+    if sp.count_ops(expression) > _MOST_OPERATIONS:
+        return None
+    text = formula(expression)
+    return text if len(text) <= _LONGEST_TEXT and _depth(text) <= _DEEPEST else None
+
+
+def _depth(text: str) -> int:
+    deepest = depth = 0
+    for letter in text:
+        depth += (letter == "(") - (letter == ")")
+        deepest = max(deepest, depth)
+    return deepest
 
 
 def with_decimals(expression: Expr) -> Expr:

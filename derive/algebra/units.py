@@ -16,22 +16,45 @@ from .constants import is_constant
 Unit = dict[str, Fraction]  # exponents of base units; radians count as 1
 
 
+_BASE = ("kg", "m", "s", "A")
+
+
 _DERIVED: dict[str, str] = {
     "N": "kg m/s^2",
     "J": "kg m^2/s^2",
     "W": "kg m^2/s^3",
+    "V": "kg m^2/(s^3 A)",
+    "Ohm": "kg m^2/(s^3 A^2)",
     "Nm": "kg m^2/s^2",
     "Hz": "1/s",
 }
 
 
-_BASE = ("kg", "m", "s", "A", "V")
-
-
 _ONE = ("1", "rad", "-")
 
 
-_FAMILIAR = ("N", "N m", "N/V", "N m/V", "N m s")  # written so where they come out
+_REFUSED = {  # what people write besides SI units: the unit to write, and the factor
+    "mm": ("m", "0.001"),
+    "cm": ("m", "0.01"),
+    "km": ("m", "1000"),
+    "g": ("kg", "0.001"),
+    "deg": ("rad", "pi/180"),
+    "rpm": ("rad/s", "pi/30"),
+    "ms": ("s", "0.001"),
+    "min": ("s", "60"),
+    "h": ("s", "3600"),
+    "mV": ("V", "0.001"),
+    "mA": ("A", "0.001"),
+    "kN": ("N", "1000"),
+    "kW": ("W", "1000"),
+    "kOhm": ("Ohm", "1000"),
+    "mOhm": ("Ohm", "0.001"),
+    "in": ("m", "0.0254"),
+    "lb": ("kg", "0.45359237"),
+}
+
+
+_FAMILIAR = ("N", "N m", "N/V", "N m/V", "N m s", "Ohm")  # written so where they come out
 
 
 class UnknownUnit(WmrError):
@@ -43,38 +66,90 @@ class MixedUnits(UnknownUnit):
 
 
 def parse_unit(text: str) -> Unit:
-    """`N m s/rad` -> exponents. What stands behind a stroke is in the denominator; radians count as 1.
+    """`N m s/rad` or `kg*m**2/(s^2 A)` -> exponents.
+
+    What stands behind a stroke up to the next one, or in the parentheses behind it, is in the denominator; radians
+    count as 1.
 
     Raises:
-        UnknownUnit: If a word is no unit.
+        UnknownUnit: If a word is no unit, or the text is no product of powers.
     """
-    exponents: Unit = {}
-    for place, part in enumerate(text.replace("*", " ").replace("(", " ").replace(")", " ").split("/")):
-        for word in part.split():
-            name, caret, power = word.partition("^")
-            if caret and not re.fullmatch(r"-?[0-9]+", power):
-                raise UnknownUnit(f"power {power!r} in unit {text!r}")
-            exponent = Fraction(power) if caret else Fraction(1)
-            exponents = product(exponents, _factor(name), exponent if place == 0 else -exponent)
-    return exponents
+    words = [word for word in re.findall(r"\*\*|[()/*^]|[^\s()/*^]+", text) if word != "*"]
+    return _Words(["^" if word == "**" else word for word in words], text).whole()
 
 
-def _factor(name: str) -> Unit:
+class _Words:
+    """The words of one unit, read from left to right."""
+
+    def __init__(self, words: list[str], text: str) -> None:
+        self._words, self._text = words, text
+
+    def whole(self) -> Unit:
+        unit = self._product()
+        if self._words:
+            raise UnknownUnit(f"{self._words[0]!r} in unit {self._text!r}")
+        return unit
+
+    def _product(self) -> Unit:
+        unit: Unit = {}
+        sign = 1
+        while self._words and self._words[0] != ")":
+            if self._words[0] == "/":
+                self._words.pop(0)
+                sign = -1
+                continue
+            unit = product(unit, self._factor(), sign)
+        return unit
+
+    def _factor(self) -> Unit:
+        word = self._words.pop(0)
+        if word == "(":
+            unit = self._product()
+            if not self._words:
+                raise UnknownUnit(f"a parenthesis that is not closed in unit {self._text!r}")
+            self._words.pop(0)
+        elif word == "^":
+            raise UnknownUnit(f"a power of nothing in unit {self._text!r}")
+        else:
+            unit = _named(word)
+        if self._words and self._words[0] == "^":
+            self._words.pop(0)
+            unit = product({}, unit, self._power())
+        return unit
+
+    def _power(self) -> Fraction:
+        power = self._words.pop(0) if self._words else ""
+        if not re.fullmatch(r"-?[0-9]{1,3}", power):
+            raise UnknownUnit(f"power {power!r} in unit {self._text!r}")
+        return Fraction(power)
+
+
+def _named(name: str) -> Unit:
     if name in _DERIVED:
         return parse_unit(_DERIVED[name])
     if name in _ONE:
         return {}
     if name in _BASE:
         return {name: Fraction(1)}
+    if name in _REFUSED:
+        unit, factor = _REFUSED[name]
+        raise UnknownUnit(f"unit {name!r}", f"write {unit!r} and the value times {factor}")
     known = ", ".join((*_BASE, "rad", *_DERIVED, "1"))
     raise UnknownUnit(f"unit {name!r}", f"use SI units: {known}")
 
 
 def format_unit(unit: Unit) -> str:
-    """Exponents -> text, numerator first, `1` for a number."""
+    """Exponents -> text, numerator first, `1` for a number; with volts in the place of amperes if that takes no more units."""
     for familiar in _FAMILIAR:
         if unit == parse_unit(familiar):
             return familiar
+    amperes = unit.get("A", Fraction(0))
+    volts = product(product(unit, {"A": Fraction(1)}, -amperes), parse_unit("W"), amperes)  # A = W/V
+    volts = {**volts, "V": -amperes} if amperes else volts
+    return _written(min((volts, unit), key=len))
+
+
+def _written(unit: Unit) -> str:
     above = [_power(name, e) for name, e in sorted(unit.items()) if e > 0]
     below = [_power(name, -e) for name, e in sorted(unit.items()) if e < 0]
     denominator = f"/({' '.join(below)})" if len(below) > 1 else f"/{below[0]}" if below else ""

@@ -7,7 +7,7 @@ from typing import Any
 import sympy as sp
 from sympy import Matrix
 
-from ..algebra.formula_text import formula
+from ..algebra.formula_text import TOO_LONG, formula
 from ..control.internal_dynamics import StraightLine
 from ..control.linearization import relative_degree
 from ..control.nonlinearity import Obstacle
@@ -24,10 +24,10 @@ def findings(derivation: Derivation) -> dict[str, Any]:
         "type": mobility.type_name,
         "degree_of_mobility": mobility.degree_of_mobility,
         "degree_of_steerability": mobility.degree_of_steerability,
-        "degree_of_nonholonomy": None if growth is None else growth.degree_of_nonholonomy,
+        "degree_of_nonholonomy": 0 if growth is None else growth.degree_of_nonholonomy,
         "growth_vector": [] if growth is None else list(growth.dimensions),
         "constraints": mobility.integrability,
-        "controllable": None if growth is None else growth.controllable,
+        "controllable": False if growth is None else growth.controllable,
         "constraint_rows": d.kinematics.kept,
         "holonomic_rows": list(mobility.holonomic),
         "dropped_rows": d.kinematics.dropped,
@@ -42,8 +42,20 @@ def findings(derivation: Derivation) -> dict[str, Any]:
         "parametrization": d.adaptive.kind,
         "parametrization_obstacle": None if d.adaptive.obstacle is None else _obstacle(d, d.adaptive.obstacle),
         **({} if d.control is None else _of_control(d, d.control)),
-        **({"not_found_out": d.missed} if d.missed else {}),
+        **({"not_found_out": missed} if (missed := _missed(d)) else {}),
     }
+
+
+def _missed(d: Derivation) -> dict[str, str]:
+    """What was not found out or is not told, and why."""
+    missed = dict(d.missed)
+    if d.control is not None:
+        determinant = d.control.determinant
+        if determinant.text is None:
+            missed["det_decoupling_matrix"] = TOO_LONG
+        if determinant.is_singular_elsewhere:
+            missed["singular_where"] = "a factor is too long to be read"
+    return missed
 
 
 def _of_control(d: Derivation, control: Control) -> dict[str, Any]:
@@ -56,8 +68,8 @@ def _of_control(d: Derivation, control: Control) -> dict[str, Any]:
             for i, name in enumerate(control.linearization.outputs)
         },
         "determinant_of": "D" if det.is_square else "D D^T",
-        "det_decoupling_matrix": formula(det.product),
-        "det_denominator": det.denominator_text,
+        "det_decoupling_matrix": det.text or TOO_LONG,
+        "det_denominator": None if det.text is None else det.denominator_text,
         "singular_where": det.singular_where,
         "determinant_parameters": [theta.name for theta in d.adaptive.theta if theta in det.gain.free_symbols],
         "internal_coordinates": [z.name for z in internal.free],

@@ -8,7 +8,7 @@ from typing import Any
 import sympy as sp
 from sympy import Expr
 
-from ..algebra.formula_text import formula
+from ..algebra.formula_text import TOO_LONG, formula, readable
 from ..derivation import Derivation
 from ..mechanics.poses import geometry
 from .arguments import arguments_of, unit_text, units_of
@@ -48,7 +48,7 @@ def describe(derivation: Derivation) -> Metadata:
         return {symbol.name: unit for symbol, unit in zip(one.entries, one.units, strict=True)}
 
     def expanded(expression: Expr) -> str:
-        return formula(sp.factor_terms(d.terms.expand(expression)))
+        return readable(sp.factor_terms(d.terms.expand(expression))) or TOO_LONG
 
     pi = d.adaptive.inverse.base_parameters if d.adaptive.inverse else ()
     pi_names = [f"pi{k}" for k in range(1, len(pi) + 1)]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
 from ..algebra.constants import is_constant
-from ..algebra.formula_text import formula
+from ..algebra.formula_text import readable
 from ..algebra.trigonometry import factored
 from ..mechanics.dynamics import Dynamics
 from ..mechanics.kinematics import Kinematics
@@ -21,7 +22,7 @@ _LONGEST = 100  # operations; longer determinants are left as they are
 _READABLE = 25  # operations; longer denominators stand apart
 
 
-_LONGEST_TEXT = 3000  # operations; longer denominators are left out
+_MOST_OPERATIONS = 4000  # longer determinants are not told, and nothing is done to make them shorter
 
 
 DENOMINATOR = Symbol("Delta")
@@ -36,37 +37,52 @@ class Determinant:
     gain: Expr  # det(G) or det(G G^T), of state and base parameters
     actuation: Expr  # det(Bbar K1), or of its product with its transpose: where the motors do not reach every motion
 
-    @property
+    @cached_property
     def whole(self) -> Expr:
         output_map = self.output_map if self.is_square else self.output_map**2
-        return sp.factor_terms(output_map * self.gain)
+        whole = output_map * self.gain
+        return sp.factor_terms(whole) if sp.count_ops(whole) <= _MOST_OPERATIONS else whole
 
-    @property
+    @cached_property
     def product(self) -> Expr:
         """The determinant, with `DENOMINATOR` in the place of a long denominator."""
         numerator, denominator = sp.fraction(self.whole)
         return numerator / (denominator if sp.count_ops(denominator) <= _READABLE else DENOMINATOR)
 
-    @property
+    @cached_property
+    def text(self) -> str | None:
+        """The determinant as text; None if it is too long to be read."""
+        return readable(self.product)
+
+    @cached_property
     def denominator(self) -> Expr | None:
         """What `DENOMINATOR` stands for: an inertia's determinant, which does not vanish."""
         denominator = sp.fraction(self.whole)[1]
         return None if sp.count_ops(denominator) <= _READABLE else denominator
 
-    @property
+    @cached_property
     def is_long(self) -> bool:
         """Whether the denominator is too long to be read."""
         return int(sp.count_ops(sp.fraction(self.whole)[1])) > _LONGEST
 
-    @property
+    @cached_property
     def denominator_text(self) -> str | None:
-        """The denominator as text, for those who compute with it."""
-        denominator = self.denominator
-        return None if denominator is None or sp.count_ops(denominator) > _LONGEST_TEXT else formula(denominator)
+        """The denominator as text, for those who compute with it; None if it is too long to be read."""
+        return None if self.denominator is None else readable(self.denominator)
 
-    @property
+    @cached_property
     def singular_where(self) -> list[str]:
-        """Conditions, one for each factor that can vanish."""
+        """Conditions, one for each factor that can vanish and is not too long to be read."""
+        return [f"{text} = 0" for text in map(readable, self._factors) if text is not None]
+
+    @cached_property
+    def is_singular_elsewhere(self) -> bool:
+        """Whether a factor is too long to be read: where it vanishes is not told."""
+        return any(readable(factor) is None for factor in self._factors)
+
+    @cached_property
+    def _factors(self) -> list[Expr]:
+        """What can vanish."""
         numerators = [self.output_map, sp.fraction(self.gain)[0], self.actuation]
         factors = [factor.as_base_exp()[0] for e in numerators for factor in sp.Mul.make_args(e)]
         state_or_theta = [
@@ -74,7 +90,7 @@ class Determinant:
             for factor in factors
             if not all(map(is_constant, factor.free_symbols)) and not isinstance(factor, sp.exp)
         ]
-        return [f"{formula(factor)} = 0" for factor in dict.fromkeys(state_or_theta)]
+        return list(dict.fromkeys(state_or_theta))
 
 
 def decoupling_determinant(

@@ -25,11 +25,7 @@ class Constraints:
 
 
 def constraint_rows(robot: Robot) -> Constraints:
-    """The constraints on the motion of `robot`.
-
-    Raises:
-        InputError: If they leave no motion.
-    """
+    """The constraints on the motion of `robot`."""
     velocities = plane_velocities(robot)
     rows = {
         slip_origin(wheel.name): side_slip(wheel, velocities[wheel.frame]).map(robot.constants.exact)
@@ -42,12 +38,6 @@ def constraint_rows(robot: Robot) -> Constraints:
     for row in rows.values():
         if Terms().rank(stacked([*basis, row], rates)) > len(basis):
             basis.append(row)
-    if len(basis) == len(rates):
-        raise robot.reader.mistake(
-            "[[wheels]]",
-            f"the {len(rows)} constraints leave no motion: their rank is that of the {len(rates)} coordinates",
-            "align axles, put a wheel on a jointed frame, or give it rollers (roller_angle)",
-        )
     return Constraints(rows, basis)
 
 

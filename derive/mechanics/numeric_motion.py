@@ -48,7 +48,7 @@ class Poles:
         self._size, self._quarters = count, slice(1 + len(columns) * _GRID, len(places))
         forms = [*constraints.rows.values(), *candidates.values()]
         matrix = stacked(forms, [robot.rate(q) for q in robot.coordinates]).xreplace(robot.numbers)
-        self._rows = _values(matrix, robot.coordinates, np.array(places))
+        self._rows = matrix_values(matrix, robot.coordinates, np.array(places))
         self._fixed = list(range(len(constraints.rows)))
         self._places = {v: len(constraints.rows) + k for k, v in enumerate(candidates)}
 
@@ -65,7 +65,7 @@ class Poles:
         return bool(sizes[0] > _HUGE * usual), along, int((sizes[self._quarters] > _HUGE * usual).sum())
 
 
-def _values(matrix: sp.Matrix, coordinates: Sequence[Symbol], places: Floats) -> Floats:
+def matrix_values(matrix: sp.Matrix, coordinates: Sequence[Symbol], places: Floats) -> Floats:
     """The matrix at every place, (places, rows, columns)."""
     entries = sp.lambdify(list(coordinates), list(matrix), "numpy", cse=True)
     with np.errstate(all="ignore"):

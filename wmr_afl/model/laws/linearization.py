@@ -84,8 +84,10 @@ def _determinant(s: Situation) -> float:
 
 
 def _reports_determinant(model: Model) -> bool:
-    """False if the determinant has a denominator Delta that is too long to be reported."""
+    """False if the determinant, or its denominator Delta, is too long to be reported."""
     found = model.findings
+    if "det_decoupling_matrix" in found.get("not_found_out", {}):
+        return False
     return "Delta" not in found["det_decoupling_matrix"] or found["det_denominator"] is not None
 
 

@@ -24,6 +24,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from queue import Queue
 from xml.etree import ElementTree
@@ -324,23 +325,24 @@ class Copy:
         return seconds
 
 
-def near(fault: Fault) -> list[str]:
-    """The test files in the folder that mirrors the fault's, or in the nearest one above it."""
-    folder = Path("tests", fault.file).parent
-    while not list((ROOT / folder).glob("test_*.py")) and folder != Path("tests", fault.folder.split("/")[0]):
-        folder = folder.parent
-    return [path.relative_to(ROOT).as_posix() for path in sorted((ROOT / folder).rglob("test_*.py"))]
+@cache
+def near(folder: str) -> tuple[str, ...]:
+    """The test files in the folder that mirrors a folder of code, or in the nearest one above it."""
+    place, side = Path("tests", folder), Path("tests", folder.split("/")[0])
+    while not list((ROOT / place).glob("test_*.py")) and place != side:
+        place = place.parent
+    return tuple(path.relative_to(ROOT).as_posix() for path in sorted((ROOT / place).rglob("test_*.py")))
 
 
-def far(fault: Fault) -> list[str]:
-    """The other test files of the fault's side, those that start processes last."""
-    side = fault.file.split("/")[0]
-    files = set((ROOT / "tests" / side).rglob("test_*.py"))
+@cache
+def far(folder: str) -> tuple[str, ...]:
+    """The other test files of that side, those that start processes last."""
+    side = folder.split("/")[0]
+    files = list((ROOT / "tests" / side).rglob("test_*.py"))
     if side == "wmr_input":
-        files |= set((ROOT / "tests" / "derive" / "description").rglob("test_*.py"))
-    left = {path: "subprocess" in path.read_text() for path in files}
-    ordered = sorted(left, key=lambda path: (left[path], path))
-    return [name for path in ordered if (name := path.relative_to(ROOT).as_posix()) not in near(fault)]
+        files += (ROOT / "tests" / "derive" / "description").rglob("test_*.py")
+    ordered = sorted(files, key=lambda path: ("subprocess" in path.read_text(), path))
+    return tuple(name for path in ordered if (name := path.relative_to(ROOT).as_posix()) not in near(folder))
 
 
 def noticed(fault: Fault, copy: Copy, usual: dict[str, float], seconds: float) -> str:
@@ -348,11 +350,12 @@ def noticed(fault: Fault, copy: Copy, usual: dict[str, float], seconds: float) -
     path = copy.root / fault.file
     path.write_bytes(fault.applied())
     try:
-        files = sorted(near(fault), key=lambda file: usual[file])
+        folder = Path(fault.file).parent.as_posix()
+        files = sorted(near(folder), key=lambda file: usual[file])
         status = copy.pytest(files, PATIENCE * sum(usual[file] for file in files) + MARGIN)
         if status != 0:
             return "hangs" if status is None else "near"
-        others = far(fault)
+        others = list(far(folder))
         return "far" if others and seconds > 0.0 and copy.pytest(others, seconds) not in (0, None) else ""
     finally:
         path.write_bytes(fault.source)
@@ -371,7 +374,7 @@ def examined(faults: list[Fault], jobs: int, seconds: float) -> Iterator[tuple[F
         for number in range(jobs):
             copies.put(Copy(Path(place) / str(number)))
         first, usual = copies.get(), dict[str, float]()
-        for files in dict.fromkeys(tuple(near(fault)) for fault in faults):
+        for files in dict.fromkeys(near(Path(fault.file).parent.as_posix()) for fault in faults):
             begin = time.monotonic()
             usual |= first.durations(list(files))
             print(f"{len(files)} test files pass in {time.monotonic() - begin:.0f} s: {files[0]} ...", flush=True)

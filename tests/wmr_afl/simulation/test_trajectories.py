@@ -1,6 +1,5 @@
 """Trajectories of a batch on disk: all samples of all runs, in memory only a few."""
 
-import resource
 import subprocess
 import sys
 import tracemalloc
@@ -101,7 +100,6 @@ except wmr_afl.WmrError as error:
 
 def test_a_full_disk_leaves_no_half_written_file(tmp_path: Path) -> None:
     """The limit on the size of a file stands for the room that there is."""
-    assert resource.RLIMIT_FSIZE
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, str(tmp_path / "runs.h5")], cwd=ROOT, capture_output=True, text=True, check=False
     )

@@ -12,7 +12,6 @@ from wmr_afl.analysis.excitation import estimate_error, excitation
 from wmr_afl.analysis.paper.claims import CLAIMS
 from wmr_afl.analysis.paper.figures import draw
 from wmr_afl.analysis.paper.report import write_report
-from wmr_afl.analysis.paper.robustness import beyond
 from wmr_afl.analysis.stability import error_system, lyapunov_function, robust_lyapunov_function, ultimate_bound
 from wmr_afl.controllers import GradientAdaptation, Knowledge, Leakage, OuterLoop, Projection, RobustTerm, TrackingLaw
 from wmr_afl.controllers.reference import Reference, circle, figure_eight
@@ -113,12 +112,20 @@ def test_the_robust_lyapunov_function_does_not_increase_in_continuous_time() -> 
         one.error, error_rate(loop, one), one.estimate - theta, error_system(loop.law.outer_loop),
         loop.law.adaptation,
     )  # fmt: skip
-    v, bound = one.state[:, 3:], disturbance_size(loop, one)
-    a = np.array([0.0, 1.05 * bound.max()])  # |delta| <= a . [|v|, 1]
-    assert np.all(bound <= a[1] + 0.0 * np.linalg.norm(v, axis=1))
+    bound = disturbance_size(loop, one)
+    a = np.array([0.0, largest_disturbance(loop, force=2.0)])  # |delta| <= a . [|v|, 1], whatever the run
+    assert 0.3 * a[1] < bound.max() <= a[1]
     whole = robust_lyapunov_function(value, a - a_hat, mu, gamma=0.5, mu_decay=1.0)
     assert np.max(np.diff(whole)) < 1e-5 * whole[0]
     assert whole[-1] < whole[0]
+
+
+def largest_disturbance(loop: ClosedLoop, force: float) -> float:
+    """|delta| (68) at most, for forces up to this on v and omega: the outputs move with v and with L omega."""
+    model = loop.model
+    names = dict(zip(model.parameter_units, loop.plant.parameters, strict=True))
+    mass, inertia = np.diag(model.inertia_matrix(np.zeros(3), loop.plant.parameters))
+    return float(np.hypot(force / mass, names["L"] * force / inertia))
 
 
 def disturbance_size(loop: ClosedLoop, one: Run) -> np.ndarray:
@@ -200,14 +207,6 @@ def test_a_robust_term_that_cannot_work_is_refused(changed: dict[str, float]) ->
 
     with pytest.raises(WmrError, match=r"choose gamma > 0|choose leakage > 0"):
         RobustTerm(**changed)
-
-
-def test_beyond_the_paper_covers_every_trouble(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wmr_afl.analysis.paper.robustness.RANDOM_ROBOTS", 2)
-    rows = list(beyond("study_2"))
-    assert len(rows) == 5
-    assert all(list(row.errors) == ["AFL", "AFL with leakage", "robust AFL"] for row in rows)
-    assert rows[0].errors != rows[1].errors
 
 
 def test_a_study_whose_runs_fail_still_yields_its_report(runs: dict[str, dict[str, Run]], tmp_path: Path) -> None:

@@ -19,10 +19,11 @@ from wmr_afl.model.packages import derivation
 def models() -> None:
     """List the shipped models."""
     table = Table("model", "what it is", "type", "base parameters", "outputs", box=None, header_style="bold")
-    for name in list_models():
-        model = load_model(name)
-        count = f"{len(model.base_parameter_units)}, {model.parametrization}"
-        table.add_row(name, escape(model.title), model.findings["type"], count, ", ".join(model.output_units))
+    with reporting():
+        for name in list_models():
+            model = load_model(name)
+            count = f"{len(model.base_parameter_units)}, {model.parametrization}"
+            table.add_row(name, escape(model.title), model.findings["type"], count, ", ".join(model.output_units))
     console.print(table)
     console.print(f"experiments: {', '.join(list_experiments())}", highlight=False)
 
@@ -30,7 +31,10 @@ def models() -> None:
 @app.command()
 def show(
     name: Annotated[
-        str, typer.Argument(help="A shipped model, or a folder that derive has written; with --loop an experiment.")
+        str,
+        typer.Argument(
+            help="A shipped model, or the path of a folder that derive has written; with --loop an experiment."
+        ),
     ],
     loop: Annotated[
         bool, typer.Option("--loop", help="Tell what one step of an experiment's closed loop does.")
@@ -70,7 +74,9 @@ def derive(context: typer.Context) -> None:
 
 
 @app.command()
-def check(model: Annotated[str, typer.Argument(help="A shipped model, or a folder that derive has written.")]) -> None:
+def check(
+    model: Annotated[str, typer.Argument(help="A shipped model, or the path of a folder that derive has written.")],
+) -> None:
     """Check that a model obeys every law: mechanics, linearization, base parameters, code; exit with 1 where not."""
     from wmr_afl.model.laws import LAWS, Situation
 

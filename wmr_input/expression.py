@@ -17,6 +17,8 @@ LONGEST_FORMULA = 1_000_000  # characters of a formula in model.json, which the 
 LONGEST_TEXT = 2000  # characters; a longer text is a mistake or an attack, never a robot
 HIGHEST_POWER = 16  # product of nested exponents; without it 9**9**9 would fill the memory
 DEEPEST_FUNCTION = 3  # levels of functions in functions; derivatives of deeper ones explode
+DEEPEST_GENERATED = 8  # the same in a generated formula, where an angle stands under one more function
+OF_TWO = {"atan2": 2}  # functions of two arguments; all others take one
 DEEPEST_PARENTHESIS = 40  # levels, far below Python's recursion limit
 LONGEST_NUMBER = 40  # characters of one literal; a double needs 24
 HIGHEST_EXPONENT = 30  # decimal exponent of one literal; products of a few stay within the range of a double
@@ -58,7 +60,8 @@ def evaluate(text: str, algebra: Algebra, longest: int = LONGEST_TEXT) -> Any:
         with warnings.catch_warnings():  # Python warns of odd literals, which are refused below
             warnings.simplefilter("ignore")
             tree = ast.parse(text.strip(), mode="eval")
-        return _Walk(text.strip(), algebra).value(tree.body, HIGHEST_POWER)
+        deepest = DEEPEST_FUNCTION if longest <= LONGEST_TEXT else DEEPEST_GENERATED
+        return _Walk(text.strip(), algebra, deepest).value(tree.body, HIGHEST_POWER)
     except SyntaxError as error:
         raise ExpressionError(f"{_shown(text)} is not an expression ({error.msg})", "write arithmetic") from None
     except (ValueError, RecursionError, MemoryError):
@@ -70,8 +73,8 @@ def evaluate(text: str, algebra: Algebra, longest: int = LONGEST_TEXT) -> Any:
 class _Walk:
     """One walk down one syntax tree."""
 
-    def __init__(self, text: str, algebra: Algebra) -> None:
-        self.text, self.algebra = text, algebra
+    def __init__(self, text: str, algebra: Algebra, deepest: int = DEEPEST_FUNCTION) -> None:
+        self.text, self.algebra, self.deepest = text, algebra, deepest
         self.functions_open = 0
 
     def value(self, node: ast.expr, power_left: int) -> Any:
@@ -92,24 +95,25 @@ class _Walk:
                 return _BINARY[type(op)](self.value(left, power_left), self.value(right, power_left))
             case ast.BinOp(op=ast.BitXor()):
                 raise ExpressionError(f"'^' in {_shown(self.text)}", "write powers with **")
-            case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
-                return self.called(self.function(name), argument, power_left)
-            case ast.Call(func=ast.Name(id=name)):
-                self.function(name)
-                raise ExpressionError(f"function {name!r} takes one argument", f"write {name}(...)")
+            case ast.Call(func=ast.Name(id=name), args=arguments, keywords=keywords):
+                function, count = self.function(name), OF_TWO.get(name, 1)
+                if keywords or len(arguments) != count:
+                    problem = f"function {name!r} takes {'one argument' if count == 1 else 'two arguments'}"
+                    raise ExpressionError(problem, f"write {name}(...)" if count == 1 else f"write {name}(y, x)")
+                return self.called(function, arguments, power_left)
         raise ExpressionError(
             f"{_shown(ast.get_source_segment(self.text, node) or self.text)} is not arithmetic",
             "only numbers, declared names, + - * / ** and " + ", ".join(sorted(self.algebra.functions)) + " are read",
         )
 
-    def called(self, function: Callable[[Any], Any], argument: ast.expr, power_left: int) -> Any:
+    def called(self, function: Callable[..., Any], arguments: list[ast.expr], power_left: int) -> Any:
         self.functions_open += 1
-        if self.functions_open > DEEPEST_FUNCTION:
-            problem = f"functions in functions more than {DEEPEST_FUNCTION} deep in {_shown(self.text)}"
+        if self.functions_open > self.deepest:
+            problem = f"functions in functions more than {self.deepest} deep in {_shown(self.text)}"
             raise ExpressionError(problem, "flatten them")
-        value = self.value(argument, power_left)
+        values = [self.value(argument, power_left) for argument in arguments]
         self.functions_open -= 1
-        return function(value)
+        return function(*values)
 
     def number(self, node: ast.Constant) -> Fraction:
         literal = ast.get_source_segment(self.text, node) or ""
@@ -144,7 +148,7 @@ class _Walk:
             raise ExpressionError(f"function {name!r} without an argument", f"write {name}(...)")
         raise ExpressionError(f"unknown name {name!r}", closest(name, self.algebra.names))
 
-    def function(self, name: str) -> Callable[[Any], Any]:
+    def function(self, name: str) -> Callable[..., Any]:
         if name in self.algebra.functions:
             return self.algebra.functions[name]
         raise ExpressionError(f"unknown function {name!r}", closest(name, self.algebra.functions))

@@ -14,7 +14,7 @@ _LONGEST = 2**53  # numerators and denominators beyond are printed as decimals, 
 
 def formula(expression: Expr) -> str:
     """`expression` as text, in which no number is longer than a double."""
-    return str(with_decimals(expression))
+    return str(with_decimals(expression)).replace("Abs(", "abs(")
 
 
 def readable(expression: Expr) -> str | None:

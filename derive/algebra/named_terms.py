@@ -145,4 +145,4 @@ def is_simple(expression: Expr) -> bool:
 
 
 def _is_elementary(factor: Expr) -> bool:
-    return not factor.args or (isinstance(factor, sp.Function) and not factor.args[0].args)
+    return not factor.args or (isinstance(factor, sp.Function) and not any(part.args for part in factor.args))

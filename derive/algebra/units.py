@@ -139,7 +139,7 @@ def _named(name: str) -> Unit:
 
 
 def format_unit(unit: Unit) -> str:
-    """Exponents -> text, numerator first, `1` for a number; with volts in the place of amperes if that takes no more units."""
+    """Exponents -> text, numerator first, `1` for a number; volts instead of amperes if they take no more units."""
     for familiar in _FAMILIAR:
         if unit == parse_unit(familiar):
             return familiar
@@ -154,6 +154,9 @@ def _written(unit: Unit) -> str:
     below = [_power(name, -e) for name, e in sorted(unit.items()) if e < 0]
     denominator = f"/({' '.join(below)})" if len(below) > 1 else f"/{below[0]}" if below else ""
     return (" ".join(above) or "1") + denominator
+
+
+_WITHOUT_UNIT = (sp.sin, sp.cos, sp.tan, sp.exp, sp.asin, sp.acos, sp.atan, sp.atan2, sp.tanh, sp.sign)
 
 
 class Units:
@@ -187,7 +190,7 @@ class Units:
                     raise UnknownUnit(expression.name)
                 self._known[expression] = self.of(self._definitions[expression])
             return self._known[expression]
-        if expression.is_number or isinstance(expression, sp.sin | sp.cos | sp.tan | sp.exp):
+        if expression.is_number or isinstance(expression, _WITHOUT_UNIT):
             return {}
         if expression.is_Add:
             found = [self.of(term) for term in expression.args if not term.is_number]

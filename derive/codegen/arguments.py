@@ -11,6 +11,8 @@ from sympy import Expr, Symbol
 from ..algebra.units import Units, UnknownUnit, parse_unit, product
 from ..derivation import Derivation
 
+_INPUTS = {frozenset(("V",)): "motor voltages", frozenset(("N m",)): "motor torques"}
+
 
 @dataclass(frozen=True)
 class Argument:
@@ -34,7 +36,9 @@ def arguments_of(derivation: Derivation) -> dict[str, Argument]:
         for one in (
             argument("q", "generalized coordinates", d.kinematics.q),
             argument("x", "state [q; v]", d.state),
-            argument("u", "motor voltages", d.dynamics.inputs),
+            argument(
+                "u", _INPUTS.get(frozenset(motor.unit for motor in d.robot.motors), "motor inputs"), d.dynamics.inputs
+            ),
             argument("w", "generalized forces on v, Fbar + taubar_d", d.dynamics.loads),
             argument("a", "accelerations v'", d.adaptive.accelerations),
             argument("p", "physical parameters", d.robot.parameters),
@@ -51,8 +55,8 @@ def units_of(derivation: Derivation) -> Units:
     units = Units(declared, d.terms.definitions)
     for q in robot.coordinates:
         units.declare(robot.rate(q), parse_unit(f"{robot.units[q.name]}/s"))
-    for u in d.dynamics.inputs:
-        units.declare(u, parse_unit("V"))
+    for u, motor in zip(d.dynamics.inputs, robot.motors, strict=True):
+        units.declare(u, parse_unit(motor.unit))
     for v, form in d.kinematics.pseudo_velocities.items():
         velocity = units.text(sum((c * rate for rate, c in form.items()), sp.S.Zero))
         if velocity == "?":
@@ -73,6 +77,8 @@ def unit_text(expression: Expr, units: Units, derivation: Derivation) -> str:
     d = derivation
     if expression in (*d.robot.coordinates, *d.robot.parameters):
         return d.robot.units[expression.name]
+    if expression in d.dynamics.inputs:
+        return d.robot.motors[d.dynamics.inputs.index(expression)].unit
     text = units.text(expression)
     angles = {q for q in d.kinematics.q if d.robot.units[q.name] == "rad"}
     if text == "1/s" and expression in d.kinematics.v:

@@ -35,7 +35,7 @@ class Metadata:
     parametrization: str
     inverse_base_parameters: dict[str, str]
     inverse_base_parameter_formulas: dict[str, str]
-    geometry: dict[str, dict[str, dict[str, str]]]
+    geometry: dict[str, dict[str, dict[str, str | list[str]]]]
     findings: dict[str, Any]
 
 

@@ -16,7 +16,9 @@ from ..algebra.formula_text import with_decimals
 WIDTH = 116  # columns of a line inside a function
 _INDENT = " " * 4
 
-FUNCTIONS = ("cos", "exp", "fabs", "pi", "sign", "sin", "sqrt", "tan")  # what expressions may call, by these names
+FUNCTIONS = (  # what expressions may call, by these names
+    "acos", "asin", "atan", "atan2", "cos", "exp", "fabs", "pi", "sign", "sin", "sqrt", "tan", "tanh",
+)  # fmt: skip
 
 
 class PythonCode(StrPrinter):  # type: ignore[misc]
@@ -71,7 +73,8 @@ class PythonCode(StrPrinter):  # type: ignore[misc]
             factor = self.parenthesize(base, PRECEDENCE["Pow"], strict=False)
             return "(" + "*".join([factor] * int(exponent)) + ")"
         if exponent.is_Rational and exponent.q == 2 and exponent > 0:
-            return f"({self._print(base ** (exponent - sp.S.Half))})*sqrt({self._print(base)})"
+            whole = self.parenthesize(base ** (exponent - sp.S.Half), PRECEDENCE["Mul"], strict=False)
+            return f"({whole}*sqrt({self._print(base)}))"  # in parentheses: it may stand behind a stroke
         return super()._print_Pow(expr, rational=False)
 
     def _print_Exp1(self, expr: sp.Expr) -> str:

@@ -11,6 +11,8 @@ from wmr_input import Algebra, ExpressionError, InputError, evaluate
 from ..algebra.constants import Constants
 from .tables import FUNCTION_NAMES
 
+_FUNCTIONS = {name: getattr(sp, {"abs": "Abs"}.get(name, name)) for name in FUNCTION_NAMES}
+
 
 class Reader:
     """Reads the expressions of one file; a mistake is reported with the place where the text stands."""
@@ -18,6 +20,7 @@ class Reader:
     def __init__(self, file: str) -> None:
         self.file = file
         self.constants = Constants()  # angles that are written as decimals
+        self.kinks_allowed: frozenset[Symbol] = frozenset()  # what abs and sign may be taken of: parameters
 
     def mistake(self, place: str, problem: str, remedy: str = "") -> InputError:
         return InputError(self.file, place, problem, remedy)
@@ -26,7 +29,7 @@ class Reader:
         """`text` as SymPy expression over `names` and pi; `hint` says what this place may contain."""
         algebra = Algebra(
             names={"pi": sp.pi, **names},
-            functions={name: getattr(sp, name) for name in FUNCTION_NAMES},
+            functions=_FUNCTIONS,
             number=lambda fraction: sp.Rational(fraction.numerator, fraction.denominator),
         )
         try:
@@ -37,8 +40,11 @@ class Reader:
             raise self.mistake(place, f"{text!r} is not a finite real number", "remove the division by zero or root")
         if any(len(str(part)) > 80 for number in value.atoms(sp.Rational) for part in (number.p, number.q)):
             raise self.mistake(place, f"{text[:60]!r} holds constants out of range", "use numbers of usual size")
-        if any(not part.is_number for part in value.atoms(sp.Abs)):
-            raise self.mistake(place, f"{text!r} is an absolute value, which has a kink", "write it without one")
+        if any(not part.free_symbols <= self.kinks_allowed for part in value.atoms(sp.Abs)):
+            problem = f"{text!r} is an absolute value, which has a kink"
+            raise self.mistake(place, problem, "write it without one, or of parameters only")
+        if any(not part.free_symbols <= self.kinks_allowed for part in value.atoms(sp.sign)):
+            raise self.mistake(place, f"{text!r} has a sign that jumps", "take signs of parameters only")
         return self.constants.inside_functions(value)
 
 

@@ -54,6 +54,7 @@ class _Resolver:
             },
             defaults,
         )
+        reader.kinks_allowed = frozenset(self.p.values())
         self.frame_names = [frame.name for frame in description.frames]
         self.joints = [frame.name for frame in description.frames if frame.parent is not None]
 
@@ -119,7 +120,17 @@ class _Resolver:
             x, y = (self.of_coordinates(text, f"{place} position", "m") for text in frame.position)
             return Frame(frame.name, None, (x, y), self.of_coordinates(frame.heading or "0", f"{place} heading", "rad"))
         angle = self.of_coordinates(frame.angle or "0", f"{place} angle", "rad")
-        return Frame(frame.name, frame.parent, self.point(frame.at or [], f"{place} at"), angle)
+        limits = None if frame.limits is None else self.limits(frame.limits, angle, f"{place} limits")
+        return Frame(frame.name, frame.parent, self.point(frame.at or [], f"{place} at"), angle, limits)
+
+    def limits(self, texts: list[str], angle: Expr, place: str) -> Point2:
+        lower, upper = (self.of_parameters(text, place, "rad") for text in texts)
+        low, high = (self.plausible.value(limit, place) for limit in (lower, upper))
+        if low >= high:
+            raise self.reader.mistake(place, f"go from {low:g} to {high:g}", "put the smaller one first")
+        if angle.free_symbols.isdisjoint(self.q.values()):
+            raise self.reader.mistake(place, "of an angle that never changes", "remove limits, or let a joint turn")
+        return lower, upper
 
     def body(self, body: toml.Body | toml.Wheel, place: str) -> Body:
         return Body(
@@ -155,14 +166,17 @@ class _Resolver:
         if motor.drives not in drivable:
             problem = f"unknown wheel or jointed frame {motor.drives!r}"
             raise self.reader.mistake(f"{place} drives", problem, closest(motor.drives, drivable))
-        gain = self.of_parameters(motor.torque_gain, f"{place} torque_gain", "N m/V")
-        self.plausible.is_positive(gain, f"{place} torque_gain")
+        gain: Expr = sp.S.One
+        if motor.torque_gain is not None:
+            gain = self.of_parameters(motor.torque_gain, f"{place} torque_gain", "N m/V")
+            self.plausible.is_positive(gain, f"{place} torque_gain")
         return Motor(
             motor.input,
             None if motor.drives in self.joints else motor.drives,
             motor.drives if motor.drives in self.joints else None,
             gain,
             self.not_negative(motor.back_emf, f"{place} back_emf", "N m s/rad"),
+            "N m" if motor.torque_gain is None else "V",
         )
 
     def existing_frame(self, name: str, place: str) -> str:

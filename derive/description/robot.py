@@ -19,6 +19,7 @@ class Frame:
     parent: str | None
     at: Point2  # the root: its position in the plane [m]
     angle: Expr  # the root: its heading; else the angle from the parent [rad]
+    limits: Point2 | None = None  # of the angle [rad]
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,9 @@ class Motor:
     input: str
     wheel: str | None
     joint: str | None
-    torque_gain: Expr
+    torque_gain: Expr  # [N m/V], or 1 if the input is the torque itself
     back_emf: Expr
+    unit: str  # of the input: V or N m
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,12 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 from wmr_input import read_toml
 from wmr_input.errors import FieldError
 
-FUNCTION_NAMES = ("sin", "cos", "tan", "sqrt", "exp")  # what an expression may call
+FUNCTION_NAMES = (  # what an expression may call
+    "sin", "cos", "tan", "sqrt", "exp", "asin", "acos", "atan", "atan2", "tanh", "abs", "sign",
+)  # fmt: skip
+
+
+_RESERVED = ("sin", "cos", "tan", "sqrt", "exp", "pi")  # what no quantity may be called
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -19,7 +24,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 def _checked_name(name: str) -> str:
     if not _NAME.fullmatch(name) or len(name) > 40:
         raise FieldError(f"{name!r} is not a name", "use letters, digits and _, a letter first, at most 40")
-    if keyword.iskeyword(name) or name in (*FUNCTION_NAMES, "pi"):
+    if keyword.iskeyword(name) or name in _RESERVED:
         raise FieldError(f"{name!r} is a reserved word", "choose another name")
     return name
 
@@ -79,7 +84,10 @@ class Parameter(_Table):
 
 
 class Frame(_Table):
-    """A rigid frame: the root with `position` and `heading`, or a joint's child with `parent`, `at` and `angle`."""
+    """A rigid frame: the root with `position` and `heading`, or a joint's child with `parent`, `at` and `angle`.
+
+    `limits`: the smallest and the largest value of `angle` that the joint allows.
+    """
 
     name: Name
     position: Vector | None = None
@@ -87,6 +95,7 @@ class Frame(_Table):
     parent: str | None = None
     at: Vector | None = None
     angle: Expression | None = None
+    limits: Vector | None = None
 
     @model_validator(mode="after")
     def _is_root_or_jointed(self) -> "Frame":
@@ -97,6 +106,8 @@ class Frame(_Table):
                 f"frame {self.name!r} is neither a root nor jointed",
                 "give position and heading, or parent, at and angle",
             )
+        if self.limits is not None and self.angle is None:
+            raise FieldError(f"frame {self.name!r} is the root, whose heading has no limits", "remove limits")
         return self
 
 
@@ -124,11 +135,14 @@ class Wheel(_Table):
 
 
 class Motor(_Table):
-    """A DC motor: torque = torque_gain u - back_emf rate, on a wheel's spin or a joint's angle."""
+    """A motor on a wheel's spin or a joint's angle: torque = torque_gain u - back_emf rate.
+
+    Without `torque_gain` its input is the torque itself, in N m.
+    """
 
     input: Name
     drives: str
-    torque_gain: Expression
+    torque_gain: Expression | None = None
     back_emf: Expression = "0"
 
 

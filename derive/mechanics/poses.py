@@ -9,7 +9,7 @@ from sympy import Expr
 
 from ..algebra.formula_text import formula
 from ..algebra.trigonometry import shortest
-from ..description.robot import Point2, Robot
+from ..description.robot import Frame, Point2, Robot
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,14 @@ def frame_poses(robot: Robot) -> dict[str, Pose]:
     return poses
 
 
-def geometry(robot: Robot) -> dict[str, dict[str, dict[str, str]]]:
-    """Frames, wheels and bodies by name, each with x, y and heading as text; ready for JSON."""
+def geometry(robot: Robot) -> dict[str, dict[str, dict[str, str | list[str]]]]:
+    """Frames, wheels and bodies by name, each with x, y and heading as text; ready for JSON.
+
+    A joint with limits has its angle besides, and the smallest and the largest value of this angle.
+    """
     poses = frame_poses(robot)
     frames = {
-        frame.name: _texts(poses[frame.name]) | ({"parent": frame.parent} if frame.parent else {})
+        frame.name: _texts(poses[frame.name]) | ({"parent": frame.parent} if frame.parent else {}) | _limits(frame)
         for frame in robot.frames
     }
     wheels = {
@@ -62,5 +65,11 @@ def geometry(robot: Robot) -> dict[str, dict[str, dict[str, str]]]:
     return {"frames": frames, "wheels": wheels, "bodies": bodies}
 
 
-def _texts(pose: Pose) -> dict[str, str]:
+def _limits(frame: Frame) -> dict[str, str | list[str]]:
+    if frame.limits is None:
+        return {}
+    return {"angle": formula(frame.angle), "limits": list(map(formula, frame.limits))}
+
+
+def _texts(pose: Pose) -> dict[str, str | list[str]]:
     return {"x": formula(pose.x), "y": formula(pose.y), "heading": formula(pose.heading)}

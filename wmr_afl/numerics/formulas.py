@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from math import pi
 from typing import Any
@@ -13,22 +13,30 @@ import numpy as np
 from wmr_afl.numerics.parts import Fixed
 from wmr_input import LONGEST_FORMULA, Algebra, evaluate
 
-_ON_ARRAYS = {  # functions in formulas of model.json
+_ON_ARRAYS: dict[str, Callable[..., Any]] = {  # functions in formulas of model.json
     "sin": np.sin,
     "cos": np.cos,
     "tan": np.tan,
     "exp": np.exp,
     "sqrt": np.sqrt,
+    "asin": np.arcsin,
+    "acos": np.arccos,
+    "atan": np.arctan,
+    "atan2": np.arctan2,
     "tanh": np.tanh,
     "abs": np.abs,
     "sign": np.sign,
 }
-_OF_TIME = {  # functions in expressions of time
+_OF_TIME: dict[str, Callable[..., Any]] = {  # functions in expressions of time
     "sin": ca.sin,
     "cos": ca.cos,
     "tan": ca.tan,
     "exp": ca.exp,
     "sqrt": ca.sqrt,
+    "asin": ca.asin,
+    "acos": ca.acos,
+    "atan": ca.atan,
+    "atan2": ca.atan2,
     "tanh": ca.tanh,
     "abs": ca.fabs,
     "sign": ca.sign,

@@ -58,12 +58,12 @@ class Model:
         self._known = [list(self.parameter_units).index(name) for name in self.known_units]
         self._functions: dict[str, Any] = {}
         for function in metadata["functions"]:
+            if hasattr(type(self), function) or function in vars(self):
+                raise InputError(str(folder / "model.json"), f"functions {function}", "is missing or damaged", AGAIN)
             self._add(function, getattr(module, function))
 
     def _add(self, name: str, function: Any) -> None:
         """Make a generated function a term of this model."""
-        if hasattr(type(self), name) or name in vars(self):
-            raise InputError(str(self.folder / "model.json"), f"functions {name}", "is missing or damaged", AGAIN)
         meaning, entries = self.metadata["functions"][name], self._entries()
         self._functions[name] = function
         arguments = {argument: entries[argument] for argument in meaning["arguments"]}

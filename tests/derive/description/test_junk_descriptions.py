@@ -462,7 +462,7 @@ def test_what_was_found_is_reported_or_becomes_code_that_runs(found: str, tmp_pa
         at(tables, tuple(inside))[key] = value
     files = reported_well(as_file(tables), generate_one)
     if files is not None:
-        write(files, tmp_path / name)
+        write({f"{name}/{file}": text for file, text in files.items()}, tmp_path)
         has_finite_terms(tmp_path / name)
 
 

@@ -20,8 +20,10 @@ class Cluster:
         self.workers: list[subprocess.Popen[bytes]] = []
         self.scheduler = self._process("dask_scheduler", "--port", "0", "--host", "127.0.0.1")
         end = time.monotonic() + 60.0
-        while not self.file.exists():
-            assert time.monotonic() < end, "the scheduler does not start"
+        while not (self.file.exists() and self.file.read_text().rstrip().endswith("}")):  # and is written whole
+            if time.monotonic() > end:
+                self.stop()
+                raise TimeoutError("the scheduler does not start")
             time.sleep(0.05)
         self.address = json.loads(self.file.read_text())["address"]
         for _ in range(workers):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -11,7 +12,9 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+from wmr_afl.cli.terminal import console
 from wmr_afl.model.model import Model
+from wmr_afl.numerics.formulas import FUNCTIONS
 from wmr_afl.simulation.batch import watched_signals
 from wmr_afl.simulation.closed_loop import ClosedLoop, trace
 from wmr_afl.simulation.kernels.block import LANES
@@ -24,56 +27,61 @@ FORMS = {
     "inverse": "inverse: the inputs that bring about v' = a are linear in theta",
     "physical": "physical: linear in no theta, which stands for the uncertain parameters themselves",
 }
+_LINES = 3  # of one finding, at most
+_BESIDE = 25  # columns that the names of findings take
 _NO_WORK = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)  # instructions that compute nothing
 _NAMES = {value: name[3:].lower() for name, value in vars(ca).items() if name.startswith("OP_")}  # of operations
 
 
 def describe(model: Model) -> Iterator[RenderableType]:
-    """The findings of a model, part by part."""
+    """The findings of a model, part by part; of each finding at most three lines."""
     found = model.findings
+    missed: dict[str, str] = found.get("not_found_out", {})
     source = model.metadata["source"]
     yield f"[bold]{escape(model.title)}[/bold]  ({model.name}{'; geometry: ' if source else ''}{escape(source)})"
     facts = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
     facts.add_column(style="dim")
     facts.add_column()
-    growth = ", ".join(str(dimension) for dimension in found["growth_vector"])
-    facts.add_row(
+
+    def add(name: str, text: str, *findings: str) -> None:
+        """A row, or why there is nothing to be told: the reason of the first of `findings` that was missed."""
+        reason = next((missed[finding] for finding in findings if finding in missed), None)
+        facts.add_row(name, text if reason is None else f"not found out: {escape(_short(reason))}")
+
+    add(
         "type",
         f"{found['type']}: mobility {found['degree_of_mobility']}, steerability {found['degree_of_steerability']}",
     )
-    facts.add_row("state", _with_units(model.state_units))
-    facts.add_row("inputs", _with_units(model.input_units))
-    facts.add_row("outputs", _with_units(model.output_units))
-    facts.add_row("pseudo-velocities", "\n".join(f"{v} = {form}" for v, form in found["pseudo_velocities"].items()))
-    facts.add_row("", _where("not defined", found["kinematic_singularities"]) or "smooth everywhere")
-    count = len(found["constraint_rows"])
-    facts.add_row("constraints", f"{count}, {found['constraints']}" if count else "none")
-    for row in found["constraint_rows"]:
-        holonomic = " (can be integrated)" if row in found["holonomic_rows"] else ""
-        facts.add_row("", escape(row + holonomic))
-    for row in found["dropped_rows"]:
-        facts.add_row("", escape(f"follows from these: {row}"))
+    add("state", _with_units(model.state_units))
+    add("inputs", _with_units(model.input_units) or "none")
+    add("outputs", _with_units(model.output_units) or "none")
+    for name, text in _limits(model):
+        add(name, text)
+    for number, (v, form) in enumerate(found["pseudo_velocities"].items()):
+        add("" if number else "pseudo-velocities", escape(_short(f"{v} = {form}")))
+    add("", escape(_short(_where("not defined", found["kinematic_singularities"]))) or "smooth everywhere")
+    rows = [
+        row + (" (can be integrated)" if row in found["holonomic_rows"] else "") for row in found["constraint_rows"]
+    ]
+    add("constraints", f"{len(rows)}, {found['constraints']}" if rows else "none", "growth_vector")
+    for text in (_listed(rows), _listed(found["dropped_rows"], "follows from these: ")):
+        if text:
+            add("", escape(text))
     degenerate = found["degenerate_configurations"]
-    facts.add_row(
-        "degenerate", "not examined" if degenerate is None else _where("more motion", degenerate) or "nowhere"
-    )
-    facts.add_row("degree of nonholonomy", f"{found['degree_of_nonholonomy']} (growth of brackets {growth})")
-    facts.add_row("controllable", "yes, in small time" if found["controllable"] else "no")
-    facts.add_row("parametrization", FORMS[model.parametrization])
-    obstacle = found["parametrization_obstacle"]
-    if obstacle:
-        facts.add_row("no forward form", f"the denominator {obstacle['denominator']} mixes state and parameters;")
-        proof = "which proves it" if obstacle["is_proof"] else "which proves nothing"
-        count = obstacle["states_and_parameter_sets"]
-        facts.add_row(
-            "", f"values at {count} states and parameter sets have rank {obstacle['rank_of_values']}, {proof}"
-        )
-    facts.add_row("known constants", _with_units(model.known_units) or "none")
+    where = "not examined" if degenerate is None else _where("more motion", degenerate) or "nowhere"
+    add("degenerate", escape(_short(where)), "degenerate_configurations")
+    growth = ", ".join(str(dimension) for dimension in found["growth_vector"])
+    add("degree of nonholonomy", f"{found['degree_of_nonholonomy']} (growth of brackets {growth})", "growth_vector")
+    add("controllable", "yes, in small time" if found["controllable"] else "no", "growth_vector")
+    add("parametrization", FORMS[model.parametrization])
+    if found["parametrization_obstacle"]:
+        add("no forward form", escape(_obstacle(model)), "parametrization_obstacle")
+    add("known constants", _with_units(model.known_units) or "none")
     if model.has("decoupling_matrix"):
-        for name, text in _control(found):
-            facts.add_row(name, text)
+        for name, text, finding in _control(found):
+            add(name, escape(text), finding)
     else:
-        facts.add_row("controller", "none: the description wants the model alone")
+        add("controller", "none: the description wants the model alone")
     yield facts
     base = Table(
         "base parameter",
@@ -87,7 +95,7 @@ def describe(model: Model) -> Iterator[RenderableType]:
     )
     theta = model.base_parameters(model.parameters())
     for (name, unit), value in zip(model.base_parameter_units.items(), theta, strict=True):
-        base.add_row(name, model.base_parameter_formulas[name], unit, f"{value:.6g}")
+        base.add_row(name, escape(_short(model.base_parameter_formulas[name])), unit, f"{value:.6g}")
     yield base
     physical = Table("parameter", "default", "unit", "to the controller", "meaning", box=None, header_style="bold")
     for name, unit in model.parameter_units.items():
@@ -122,20 +130,66 @@ def loop_text(loop: ClosedLoop) -> str:
     return kernel_text(trace(loop), watched_signals(loop), LANES, False)[0]
 
 
-def _control(found: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """Findings about outputs, decoupling matrix and internal dynamics, as rows (name, text)."""
-    yield "relative degree", ", ".join(f"{output}: {degree}" for output, degree in found["relative_degree"].items())
-    yield f"det {found['determinant_of']}", found["det_decoupling_matrix"]
-    if "Delta" in found["det_decoupling_matrix"]:
+def _control(found: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Findings about outputs, decoupling matrix and internal dynamics, as rows (name, text, finding)."""
+    degrees = ", ".join(f"{output}: {degree}" for output, degree in found["relative_degree"].items())
+    yield "relative degree", degrees, "relative_degree"
+    determinant = found["det_decoupling_matrix"]
+    yield f"det {found['determinant_of']}", _short(determinant), "det_decoupling_matrix"
+    if "Delta" in determinant:
         where = " and stands in model.json" if found["det_denominator"] else ""
-        yield "", f"Delta is the determinant of an inertia, which does not vanish{where}"
-    yield "singular where", " or ".join(found["singular_where"]) or "nowhere"
-    yield "internal coordinates", ", ".join(found["internal_coordinates"]) or "none"
+        yield "", f"Delta is the determinant of an inertia, which does not vanish{where}", ""
+    yield "singular where", _short(" or ".join(found["singular_where"]) or "nowhere"), "singular_where"
+    yield "internal coordinates", ", ".join(found["internal_coordinates"]) or "none", "internal_coordinates"
     line = found["straight_line"]
-    if line:
-        values = ", ".join(line["eigenvalues"]) or ", ".join(str(v) for v in line["eigenvalues_at_defaults"])
-        verdict = f"{line['forward']} forward, {line['backward']} backward; eigenvalues per speed: {values}"
-        yield "along a straight line", verdict
+    if line or "straight_line" in found.get("not_found_out", {}):
+        yield "along a straight line", _straight(line) if line else "", "straight_line"
+
+
+def _straight(line: dict[str, Any]) -> str:
+    values = ", ".join(line["eigenvalues"])
+    if not values or len(values) > _line():
+        values = ", ".join(str(v) for v in line["eigenvalues_at_defaults"])
+    return f"{line['forward']} forward, {line['backward']} backward; eigenvalues per speed: {_short(values)}"
+
+
+def _obstacle(model: Model) -> str:
+    """Why there is no forward form. A denominator in names of terms that only the derivation knows is not shown."""
+    obstacle = model.findings["parametrization_obstacle"]
+    declared = {*model.state_units, *model.parameter_units, *FUNCTIONS}
+    names = set(re.findall(r"[A-Za-z]\w*", obstacle["denominator"]))
+    shown = f" {obstacle['denominator']}" if names <= declared and len(obstacle["denominator"]) <= _line() else ""
+    proof = "which proves it" if obstacle["is_proof"] else "which proves nothing"
+    count, rank = obstacle["states_and_parameter_sets"], obstacle["rank_of_values"]
+    values = f"values at {count} states and parameter sets have rank {rank}, {proof}"
+    return f"a denominator{shown} mixes state and parameters; {values}"
+
+
+def _limits(model: Model) -> Iterator[tuple[str, str]]:
+    """The limits of joints."""
+    limited = {name: part for name, part in model.metadata["geometry"]["frames"].items() if "limits" in part}
+    if limited:
+        texts = (f"{name}: {' to '.join(part['limits'])} rad" for name, part in limited.items())
+        yield "limits of joints", escape(_short(", ".join(texts)))
+
+
+def _listed(rows: list[str], prefix: str = "") -> str:
+    """At most three lines."""
+    texts = [_short(prefix + row, 1) for row in rows]
+    if len(texts) > _LINES:
+        texts = [*texts[: _LINES - 1], f"and {len(texts) - _LINES + 1} more, see model.json"]
+    return "\n".join(texts)
+
+
+def _line() -> int:
+    """Characters of a line beside the name of a finding."""
+    return max(console.width - _BESIDE, 40)
+
+
+def _short(text: str, lines: int = _LINES) -> str:
+    """A text that fits into a few lines, a long one cut off."""
+    longest = lines * _line() - (lines - 1) * 10  # lines end where words do
+    return text if len(text) <= longest else f"{text[: longest - 25]}... (see model.json)"
 
 
 def _where(what: str, conditions: list[str]) -> str:

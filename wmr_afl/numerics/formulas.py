@@ -44,6 +44,9 @@ _OF_TIME: dict[str, Callable[..., Any]] = {  # functions in expressions of time
 }
 
 
+FUNCTIONS = (*_ON_ARRAYS, "pi")  # what formulas of model.json may hold besides declared names
+
+
 def numpy_value(formula: str, names: Mapping[str, Any]) -> Any:
     """The value of a formula over `names`, which may be arrays.
 

@@ -3,7 +3,7 @@
 It stands beside the tests because it measures them; pytest does not collect it. A seeded sample of faults, equally many
 from each folder, is put into a copy of the project, one at a time: a comparison is flipped, a sign swapped, a statement
 dropped. For each the nearest tests run, the quickest first, then the rest of that side's, for a limited time, until one
-fails. The order of the sample and the faults themselves depend on the seed and the code alone.
+fails. The sample depends on the seed and the code alone.
 
     python -m tests.mutation --count 40 --seed 0 --folder wmr_afl/plant --folder wmr_afl/controllers
 """
@@ -14,6 +14,7 @@ import argparse
 import ast
 import os
 import random
+import re
 import shutil
 import subprocess
 import sys
@@ -34,6 +35,7 @@ SIDES = ("derive", "wmr_afl", "wmr_input")
 EQUIVALENT = Path(__file__).with_name("equivalent_faults.toml")
 NOT_COPIED = (".git", ".venv", "results", ".*_cache", ".hypothesis", "__pycache__")
 PATIENCE = 5.0  # times as long as they usually take may tests take before a fault counts as a hang
+STARTS = re.compile(r"\b(subprocess|distributed|test_cli)\b")  # in tests that start processes
 MARGIN = 20.0  # [s] more, for a machine that does other things, too
 
 COMPARISONS = {
@@ -326,23 +328,31 @@ class Copy:
 
 
 @cache
+def test_files(folder: Path) -> dict[str, bool]:
+    """Test files below a folder of tests, and whether they start processes, which takes seconds."""
+    files = sorted((ROOT / folder).rglob("test_*.py"))
+    return {path.relative_to(ROOT).as_posix(): bool(STARTS.search(path.read_text())) for path in files}
+
+
+@cache
 def near(folder: str) -> tuple[str, ...]:
-    """The test files in the folder that mirrors a folder of code, or in the nearest one above it."""
-    place, side = Path("tests", folder), Path("tests", folder.split("/")[0])
-    while not list((ROOT / place).glob("test_*.py")) and place != side:
+    """The quick test files below the folder that mirrors a folder of code, or below the nearest one above it."""
+    place = Path("tests", folder)
+    while not test_files(place):
         place = place.parent
-    return tuple(path.relative_to(ROOT).as_posix() for path in sorted((ROOT / place).rglob("test_*.py")))
+    quick = tuple(file for file, is_slow in test_files(place).items() if not is_slow)
+    return quick or near(Path(folder).parent.as_posix())
 
 
 @cache
 def far(folder: str) -> tuple[str, ...]:
-    """The other test files of that side, those that start processes last."""
+    """The other test files of that side: those that start processes last, and of these the nearest ones first."""
     side = folder.split("/")[0]
-    files = list((ROOT / "tests" / side).rglob("test_*.py"))
+    files = dict(test_files(Path("tests", side)))
     if side == "wmr_input":
-        files += (ROOT / "tests" / "derive" / "description").rglob("test_*.py")
-    ordered = sorted(files, key=lambda path: ("subprocess" in path.read_text(), path))
-    return tuple(name for path in ordered if (name := path.relative_to(ROOT).as_posix()) not in near(folder))
+        files |= test_files(Path("tests", "derive", "description"))
+    left = [file for file in files if file not in near(folder)]
+    return tuple(sorted(left, key=lambda file: (files[file], not file.startswith(f"tests/{folder}/"), file)))
 
 
 def noticed(fault: Fault, copy: Copy, usual: dict[str, float], seconds: float) -> str:

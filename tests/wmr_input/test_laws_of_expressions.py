@@ -19,7 +19,7 @@ from wmr_input.expression import (
 
 EXACT = Algebra(
     names={"x": Fraction(3), "y": Fraction(5)},
-    functions={"double": lambda v: 2 * v, "half": lambda v: v / 2},
+    functions={"double": lambda v: 2 * v, "half": lambda v: v / 2, "atan2": lambda v, w: 10 * v + w},
     number=Fraction,
 )
 
@@ -72,6 +72,7 @@ def at_once() -> Iterator[None]:
         ("x**(4/2)", 9),
         ("x**(-4/2)", Fraction(1, 9)),
         ("double(x) - half(y)", Fraction(7, 2)),
+        ("atan2(x, y) + atan2(y, double(x))", 91),
         ("1_000 + 0x10", 1016),
         ("2.5e-3*4", Fraction(1, 100)),
         ("1e3", 1000),
@@ -216,6 +217,9 @@ def test_parentheses_end_at_forty() -> None:
         ("x^2", r"'\^' in 'x\^2'; write powers with \*\*"),
         ("double(x, y)", r"function 'double' takes one argument; write double\(...\)"),
         ("double()", "takes one argument"),
+        ("atan2(x)", r"function 'atan2' takes two arguments; write atan2\(y, x\)"),
+        ("atan2(x, y, x)", "takes two arguments"),
+        ("atan2(x, x=y)", "takes two arguments"),
         ("double(x=x)", "takes one argument"),
         ("double", r"function 'double' without an argument; write double\(...\)"),
         ("triple(x)", "unknown function 'triple'"),
@@ -225,7 +229,7 @@ def test_parentheses_end_at_forty() -> None:
         ("True", "'True' is not a number"),
         ("1j", "'1j' is not a number"),
         ("'a'", "is not a number"),
-        ("x < y", "'x < y' is not arithmetic; only numbers, declared names, .* and double, half are read"),
+        ("x < y", "'x < y' is not arithmetic; only numbers, declared names, .* and atan2, double, half are read"),
         ("1/0", "division by zero in '1/0'; remove it"),
         ("x +", "is not an expression"),
         ("x % y", "is not arithmetic"),

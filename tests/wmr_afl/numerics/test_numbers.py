@@ -107,6 +107,11 @@ TIME = {  # what each function of time is, before, at and after its special poin
     "exp(t)": np.exp,
     "sqrt(t + 2)": lambda t: np.sqrt(t + 2.0),
     "tanh(t)": np.tanh,
+    "asin(t/2)": lambda t: np.arcsin(t / 2.0),
+    "acos(t/2)": lambda t: np.arccos(t / 2.0),
+    "atan(t)": np.arctan,
+    "atan2(t, 2)": lambda t: np.arctan2(t, 2.0),
+    "atan2(2, t)": lambda t: np.arctan2(2.0, t),
     "abs(t)": np.abs,
     "sign(t)": np.sign,
     "step(t)": lambda t: float(t >= 0.0),
@@ -139,6 +144,9 @@ def test_formulas_of_a_model_are_numpys(name: str) -> None:
     """Names may be arrays, and pi is known."""
     x = np.array([0.0, 0.5, 1.25])
     found = numpy_value(f"2*{name}(x) + pi/a", {"x": x, "a": 4.0})
+    for inverse, angle in (("asin(x/2)", np.arcsin(x / 2)), ("acos(x/2)", np.arccos(x / 2)), ("atan(x)", np.arctan(x))):
+        np.testing.assert_allclose(numpy_value(inverse, {"x": x}), angle, rtol=1e-15)
+    np.testing.assert_allclose(numpy_value("atan2(x, -1)", {"x": x}), np.arctan2(x, -1.0), rtol=1e-15)
     np.testing.assert_allclose(found, 2.0 * getattr(np, name)(x) + np.pi / 4.0, rtol=1e-15)
     with pytest.raises(ExpressionError):
         numpy_value("y", {"x": x})

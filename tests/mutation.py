@@ -2,8 +2,8 @@
 
 It stands beside the tests because it measures them; pytest does not collect it. A seeded sample of faults, equally many
 from each folder, is put into a copy of the project, one at a time: a comparison is flipped, a sign swapped, a statement
-dropped. For each the nearest tests run, the quickest first, then the rest of that side's, for a limited time, until one
-fails. The sample depends on the seed and the code alone.
+dropped. For each the nearest tests run, the quickest first, then the rest of that side's for a limited time, until one
+fails. The sample depends on the seed and the code alone; `equivalent_faults.toml` lists faults that change nothing.
 
     python -m tests.mutation --count 40 --seed 0 --folder wmr_afl/plant --folder wmr_afl/controllers
 """
@@ -12,23 +12,25 @@ from __future__ import annotations
 
 import argparse
 import ast
+import importlib
 import os
 import random
 import re
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
 import time
 import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from queue import Queue
 from xml.etree import ElementTree
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 SIDES = ("derive", "wmr_afl", "wmr_input")
@@ -36,6 +38,8 @@ EQUIVALENT = Path(__file__).with_name("equivalent_faults.toml")
 NOT_COPIED = (".git", ".venv", "results", ".*_cache", ".hypothesis", "__pycache__")
 PATIENCE = 5.0  # times as long as they usually take may tests take before a fault counts as a hang
 STARTS = re.compile(r"\b(subprocess|distributed|test_cli)\b")  # in tests that start processes
+QUICK = 10.0  # [s] that a test file of the same folder may take to run before all others
+PACKAGES = "casadi jinja2 matplotlib.animation numpy pydantic rich.progress sympy typer"  # imported once
 MARGIN = 20.0  # [s] more, for a machine that does other things, too
 
 COMPARISONS = {
@@ -290,30 +294,47 @@ class Copy:
     def __init__(self, place: Path) -> None:
         self.root, self.cache = place / "project", place / "cache"
         shutil.copytree(ROOT, self.root, ignore=shutil.ignore_patterns(*NOT_COPIED), symlinks=True)
-        found = subprocess.run(
-            [sys.executable, "-c", "import wmr_afl; print(wmr_afl.__file__)"],
-            cwd=self.root, env=self.environment, capture_output=True, text=True, check=True,
-        ).stdout.strip()  # fmt: skip
-        if not Path(found).is_relative_to(self.root.resolve()):
-            raise SystemExit(f"the copy in {self.root} imports {found}")
-
-    @property
-    def environment(self) -> dict[str, str]:
-        return {**os.environ, "PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": "1",
-                "WMR_AFL_CACHE": str(self.cache)}  # fmt: skip
 
     def pytest(self, files: list[str], limit: float, *options: str) -> int | None:
-        """The exit status of these test files, 0 if all pass; None if they take longer than `limit` [s]."""
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *options, *files]
-        with subprocess.Popen(
-            command, cwd=self.root, env=self.environment, start_new_session=True,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        ) as process:  # fmt: skip
-            try:
-                return process.wait(timeout=limit)
-            except subprocess.TimeoutExpired:
-                os.killpg(process.pid, 9)  # the group that was started here
-                return None
+        """The exit status of these test files, 0 if all pass; None if they take longer than `limit` [s].
+
+        They run in a fork of this process, which has imported all packages but the project's.
+        """
+        process = os.fork()
+        if process == 0:
+            self._become_pytest(["-x", "-q", "-p", "no:cacheprovider", *options, *files])
+        end = time.monotonic() + limit
+        while time.monotonic() < end:
+            done, status = os.waitpid(process, os.WNOHANG)
+            if done:
+                return os.waitstatus_to_exitcode(status)
+            time.sleep(0.02)
+        with suppress(ProcessLookupError):
+            os.killpg(process, signal.SIGKILL)  # the group of the fork
+        os.waitpid(process, 0)
+        return None
+
+    def _become_pytest(self, arguments: list[str]) -> None:
+        status = 9
+        try:
+            os.setsid()
+            nothing = os.open(os.devnull, os.O_RDWR)
+            for stream in range(3):
+                os.dup2(nothing, stream)
+            os.chdir(self.root)
+            os.environ |= {"PYTHONPATH": str(self.root), "PYTHONDONTWRITEBYTECODE": "1"}
+            os.environ["WMR_AFL_CACHE"] = str(self.cache)
+            sys.dont_write_bytecode = True
+            sys.path[:] = [str(self.root), *(entry for entry in sys.path if Path(entry).resolve() != ROOT)]
+            for name in [name for name in sys.modules if name.split(".")[0] in ("tests", "benchmarks", *SIDES)]:
+                del sys.modules[name]
+            package = importlib.import_module("wmr_afl").__file__ or ""
+            if Path(package).is_relative_to(self.root.resolve()):
+                status = int(pytest.main(arguments))
+        except BaseException:
+            status = 3  # a fault that cannot be imported
+        finally:
+            os._exit(status)
 
     def durations(self, files: list[str]) -> dict[str, float]:
         """Seconds that each test file takes; all of them must pass."""
@@ -357,15 +378,15 @@ def far(folder: str) -> tuple[str, ...]:
 
 def noticed(fault: Fault, copy: Copy, usual: dict[str, float], seconds: float) -> str:
     """Which tests noticed a fault: "near", "far", "hangs", or "" if none did."""
-    path = copy.root / fault.file
+    path, folder = copy.root / fault.file, Path(fault.file).parent.as_posix()
     path.write_bytes(fault.applied())
     try:
-        folder = Path(fault.file).parent.as_posix()
         files = sorted(near(folder), key=lambda file: usual[file])
-        status = copy.pytest(files, PATIENCE * sum(usual[file] for file in files) + MARGIN)
+        quick = [file for file in files if usual[file] <= QUICK] or files[:1]
+        status = copy.pytest(quick, PATIENCE * sum(usual[file] for file in quick) + MARGIN)
         if status != 0:
             return "hangs" if status is None else "near"
-        others = list(far(folder))
+        others = [file for file in files if file not in quick] + list(far(folder))
         return "far" if others and seconds > 0.0 and copy.pytest(others, seconds) not in (0, None) else ""
     finally:
         path.write_bytes(fault.source)
@@ -377,27 +398,16 @@ def equivalent() -> dict[tuple[str, str, str], str]:
     return {(one["file"], one["old"], one["new"]): one["reason"] for one in listed}
 
 
-def examined(faults: list[Fault], jobs: int, seconds: float) -> Iterator[tuple[Fault, str]]:
+def examined(faults: list[Fault], seconds: float) -> Iterator[tuple[Fault, str]]:
     """Each fault with what noticed it."""
-    with tempfile.TemporaryDirectory() as place, ThreadPoolExecutor(jobs) as pool:
-        copies: Queue[Copy] = Queue()
-        for number in range(jobs):
-            copies.put(Copy(Path(place) / str(number)))
-        first, usual = copies.get(), dict[str, float]()
+    with tempfile.TemporaryDirectory() as place:
+        copy, usual = Copy(Path(place)), dict[str, float]()
         for files in dict.fromkeys(near(Path(fault.file).parent.as_posix()) for fault in faults):
-            begin = time.monotonic()
-            usual |= first.durations(list(files))
+            begin, unknown = time.monotonic(), [file for file in files if file not in usual]
+            usual |= copy.durations(unknown) if unknown else {}
             print(f"{len(files)} test files pass in {time.monotonic() - begin:.0f} s: {files[0]} ...", flush=True)
-        copies.put(first)
-
-        def examine(fault: Fault) -> tuple[Fault, str]:
-            copy = copies.get()
-            try:
-                return fault, noticed(fault, copy, usual, seconds)
-            finally:
-                copies.put(copy)
-
-        yield from pool.map(examine, faults)
+        for fault in faults:
+            yield fault, noticed(fault, copy, usual, seconds)
 
 
 def main() -> None:
@@ -406,12 +416,13 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=40, help="how many faults, in turn from each folder")
     parser.add_argument("--seed", type=int, default=0, help="which of them")
     parser.add_argument("--folder", action="append", default=[], help="such as wmr_afl/plant; may be repeated")
-    parser.add_argument("--jobs", type=int, default=1, help="copies that are examined at the same time")
     parser.add_argument("--seconds", type=float, default=120.0, help="for tests of other folders, of each fault")
     options = parser.parse_args()
     faults, reasons = sample(options.count, options.seed, options.folder), equivalent()
+    for package in PACKAGES.split():
+        importlib.import_module(package)
     counts: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
-    for number, (fault, by) in enumerate(examined(faults, options.jobs, options.seconds), 1):
+    for number, (fault, by) in enumerate(examined(faults, options.seconds), 1):
         old, new = fault.lines()
         reason = reasons.get((fault.file, old, new), "")
         verdict = by or ("equivalent" if reason else "NOT NOTICED")

@@ -344,6 +344,8 @@ def test_friction_is_of_the_rates_where_it_acts_unless_told_otherwise(table: dic
     (friction,) = built({"friction": {"viscous": 1.0, **table}}, load_model("type_2_0"))
     assert friction.of_v is of_v
     assert friction.coulomb.tolist() == [0.0, 0.0]
+    (dry,) = built({"friction": {"coulomb": 1.0, **table}}, load_model("type_2_0"))
+    assert dry.viscous.tolist() == [0.0, 0.0]
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.kernels.block import Block, Watched, aligned
 from wmr_afl.simulation.kernels.c_printer import CIRCULAR, EXTREMES, TEMPLATES, instructions, literal
 from wmr_afl.simulation.kernels.compiled import Kernel as CompiledKernel
-from wmr_afl.simulation.kernels.interpreted import InterpretedKernel
+from wmr_afl.simulation.kernels.interpreted import FOLDED, InterpretedKernel
 
 KERNELS = {"compiled": CompiledKernel, "casadi": InterpretedKernel}
 
@@ -174,12 +174,13 @@ WATCHED = Watched(regularity=3, squared=(0, 2), sized=((0,), (1, 2)))
 @pytest.mark.parametrize("logged", [True, False])
 def test_summaries_are_those_of_the_signals(backend: str, logged: bool) -> None:
     """Sums of squares and largest sizes of groups, from where they are counted; the samples go on over calls."""
-    times, noise = 0.1 * np.arange(150), np.random.default_rng(0).normal(size=150) * 0.1
+    count = 70 + FOLDED  # so that steps are taken one by one and folded, too
+    times, noise = 0.1 * np.arange(count), np.random.default_rng(0).normal(size=count) * 0.1
     kernel = KERNELS[backend](counter(), WATCHED, 1, logged)
     block, held = kernel.start(np.array([[0.3]])), kernel.prepare(np.array([[-7.45]]))
     whole, end = run_by_hand(0.3, -7.45, times, noise)
     seen = []
-    for part in (slice(0, 3), slice(3, 70), slice(70, 150)):
+    for part in (slice(0, 3), slice(3, 70), slice(70, count)):
         if part.start == 3:
             block.count_from_here()
         seen.append(kernel.advance(block, times[part], np.ascontiguousarray(noise[part, None, None]), held))
@@ -188,11 +189,11 @@ def test_summaries_are_those_of_the_signals(backend: str, logged: bool) -> None:
     largest = [np.abs(counted[:, 0]).max(), np.abs(counted[:, 1:3]).max()]
     np.testing.assert_allclose(block.largest[:, 0], largest, rtol=1e-12)
     np.testing.assert_allclose(block.state[0, 0], end, rtol=1e-12, atol=1e-12)
-    assert block.samples == 150
+    assert block.samples == count
     if logged:
         np.testing.assert_allclose(np.concatenate(seen)[:, :, 0], whole, rtol=1e-12, atol=1e-12)
     else:
-        assert np.concatenate(seen).shape == (150, 0, 1)
+        assert np.concatenate(seen).shape == (count, 0, 1)
 
 
 @pytest.mark.parametrize("backend", KERNELS)

@@ -18,7 +18,7 @@ from sympy import Expr, Symbol
 
 _EXACT = 120  # pi times a fraction with a denominator that divides this stays as it is
 _RATIOS = 24  # numerators and denominators of ratios whose identities are kept
-_LARGEST = 2 * 10**8  # denominator of tan(angle/2): an error of 1/denominator^2 is below a double's resolution
+_ERROR = Fraction(1, 10**18)  # of tan(angle/2): also a multiple is exact to a double's last digit
 _ANGULAR = (sp.sin, sp.cos, sp.tan)
 
 Unit = tuple[Expr, Expr]  # cosine and sine of an angle
@@ -102,7 +102,10 @@ def _unit(angle: Expr) -> Unit:
     """Fractions on the unit circle next to cos(angle), sin(angle)."""
     with mpmath.workdps(60):
         half = mpmath.tan(angle._to_mpmath(mpmath.mp.prec) / 2)
-        near = Fraction(int(mpmath.nint(half * mpmath.mpf(10) ** 40)), 10**40).limit_denominator(_LARGEST)
+        exact = Fraction(int(mpmath.nint(half * mpmath.mpf(10) ** 40)), 10**40)
+    near, largest = Fraction(0), 10**8
+    while abs(near - exact) > _ERROR:
+        near, largest = exact.limit_denominator(largest), 2 * largest
     t = sp.Rational(near.numerator, near.denominator)
     return (1 - t**2) / (1 + t**2), 2 * t / (1 + t**2)
 

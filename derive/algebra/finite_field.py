@@ -37,10 +37,13 @@ _STEPS = 2**12 * 3**6 * 5**12 * 7**2 * 11 * 13 * 17 * 19
 FIELD = sp.FF(PRIME, symmetric=False)
 
 
+_POINTS_A_DRAW, _DRAWS = 8, 250  # of what is drawn once: tried until a value exists
+
+
 SEEDS = 4  # points a zero test looks at
 
 
-TRIED_POINTS = 200  # points tried to find some at which roots exist; each root exists at every other point
+TRIED_POINTS = 400  # points tried to find some at which roots exist; each root exists at every other point
 
 
 Element = Any  # of FIELD, or a Dual over it
@@ -147,7 +150,9 @@ class Point:
     def _value(self, expression: Expr) -> Element:
         if expression.is_Symbol:
             defined = self.definitions.get(expression)
-            return FIELD(_hashed(self.seed, expression.name)) if defined is None else self(defined)
+            if defined is not None:
+                return self(defined)
+            return FIELD(_hashed(self.seed, expression.name)) ** 2  # a square, so that sqrt(a b) exists everywhere
         if expression.is_Rational:
             if expression.q % PRIME == 0:
                 raise NotRepresentable(expression)
@@ -302,6 +307,24 @@ _SLOPES: dict[Any, Callable[..., list[Element]]] = {  # their derivatives
     sp.asin: lambda f: [1 / _square_root(1 - f * f)],
     sp.acos: lambda f: [-1 / _square_root(1 - f * f)],
 }
+
+
+def with_constants(value: Callable[[int, int], Any], wanted: int, tried: int) -> list[Any]:
+    """The first `wanted` of `value(draw, 0)`, `value(draw, 1)`, ... that exist, for the first `draw` that has one.
+
+    What is drawn once for all values, as known constants, may lack roots at every point.
+
+    Raises:
+        NotRepresentable: If there are not as many.
+    """
+
+    def draw_of(number: int) -> int:
+        draw, point = divmod(number, _POINTS_A_DRAW)
+        value(draw, point)
+        return draw
+
+    draw = next(usable(draw_of, 1, _POINTS_A_DRAW * _DRAWS))
+    return list(usable(lambda point: value(draw, point), wanted, tried))
 
 
 def usable(values: Callable[[int], Any], wanted: int, tried: int) -> Iterator[Any]:

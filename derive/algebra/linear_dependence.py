@@ -15,11 +15,22 @@ import sympy as sp
 from sympy import Expr, Symbol
 from sympy.polys.matrices import DomainMatrix
 
-from .finite_field import FIELD, PRIME, TRIED_POINTS, Element, Point, usable
+from .finite_field import FIELD, PRIME, TRIED_POINTS, Element, NotRepresentable, Point, usable, with_constants
 from .named_terms import Terms, sorted_symbols
 from .trigonometry import without_sums_of_angles
 
-_REDRAWS = 8  # of the known constants, until roots of them exist
+_GROWTH = 4  # of a constant whose power is read off; a square, so that roots stay
+
+
+_POWERS = {pow(_GROWTH, power, PRIME): power for power in range(-12, 13)}
+
+
+class NotCombined(ArithmeticError):
+    """A function follows from others, but its coefficients were not found as functions of the known constants."""
+
+    def __init__(self, function: Expr) -> None:
+        self.function = function
+        super().__init__(f"no combination found for {function}")
 
 
 Column = Sequence[Expr]  # a vector-valued function
@@ -65,7 +76,11 @@ class Dependence:
 
 
 def dependence(columns: Sequence[Column], known: frozenset[Symbol], terms: Terms) -> Dependence:
-    """Splits `columns` into a basis, first come first kept, and combinations of it."""
+    """Splits `columns` into a basis, first come first kept, and combinations of it.
+
+    Raises:
+        NotCombined: If the coefficients of a combination are not found.
+    """
     reduced, pivots = _reduced(columns, known, terms, draw=0)
     again, _ = _reduced(columns, known, terms, draw=1)
     combination: dict[int, dict[int, Expr]] = {}
@@ -77,7 +92,10 @@ def dependence(columns: Sequence[Column], known: frozenset[Symbol], terms: Terms
         numbers = [(fraction_of(int(reduced[k][j])), fraction_of(int(again[k][j]))) for k in support]
         coefficients = [first for first, second in numbers if first is not None and first == second]
         if len(coefficients) < len(support) or not _combine(basis, coefficients, columns[j], terms):
-            coefficients = _symbolic(basis, columns[j], known, terms)
+            found = _monomials(basis, columns[j], known, terms)
+            if found is None or not _combine(basis, found, columns[j], terms):
+                found = _symbolic(basis, columns[j], known, terms)
+            coefficients = found
         combination[j] = {pivots[k]: c for k, c in zip(support, coefficients, strict=True)}
     return Dependence(list(pivots), combination)
 
@@ -88,17 +106,13 @@ def _reduced(
     """The reduced row echelon form of the columns' values, with the constants `known` at one random value each."""
     enough = len(columns) + 4  # points: more than there can be independent functions of the state
 
-    def values(constants: Mapping[Symbol, Element], seed: int) -> list[list[Element]]:
-        point = Point(1000 * draw + seed, terms.definitions, constants)
+    def values(redraw: int, seed: int) -> list[list[Element]]:
+        constant = Point(-1 - draw - 2 * redraw)
+        point = Point(1000 * draw + seed, terms.definitions, {c: constant(c) for c in sorted_symbols(known)})
         return [[point(column[r]) for column in columns] for r in range(len(columns[0]))]
 
-    def everything(redraw: int) -> list[list[Element]]:
-        constant = Point(-1 - draw - 2 * redraw)
-        constants = {c: constant(c) for c in sorted_symbols(known)}
-        points = usable(lambda seed: values(constants, seed), enough, TRIED_POINTS + 8 * enough)
-        return [row for rows in points for row in rows if any(row)]
-
-    rows = next(usable(everything, 1, _REDRAWS))
+    points = with_constants(values, enough, TRIED_POINTS + 8 * enough)
+    rows = [row for point in points for row in point if any(row)]
     reduced, pivots = DomainMatrix(rows, (len(rows), len(columns)), FIELD).rref()
     return reduced.to_list(), pivots
 
@@ -121,28 +135,90 @@ def fraction_of(residue: int) -> sp.Rational | None:
     return sp.Rational(*current) if 0 < abs(current[1]) <= bound else None
 
 
+def _monomials(basis: Sequence[Column], column: Column, known: frozenset[Symbol], terms: Terms) -> list[Expr] | None:
+    """Coefficients that are fractions times powers of known constants, read off as one constant grows; else None."""
+    functions = [*basis, column]
+    constants = sorted_symbols(known & set().union(*(terms.atoms(entry) for one in functions for entry in one)))
+    at = Point(-1)
+    here = {c: at(c) for c in constants}
+    try:
+        values = _solution(functions, here, terms)
+        if values is None or 0 in values:
+            return None
+        coefficients: list[Expr] = [sp.S.One] * len(basis)
+        for c in constants:
+            grown = _solution(functions, here | {c: _GROWTH * here[c]}, terms)
+            if grown is None:
+                return None
+            for k, (value, changed) in enumerate(zip(values, grown, strict=True)):
+                power = _POWERS.get(int(changed / value))
+                if power is None:
+                    return None
+                coefficients[k] *= c**power
+    except NotRepresentable:
+        return None
+    monomials = (Point(0, values=here)(coefficient) for coefficient in coefficients)
+    fractions = [fraction_of(int(value / one)) for value, one in zip(values, monomials, strict=True)]
+    if None in fractions:
+        return None
+    return [fraction * coefficient for fraction, coefficient in zip(fractions, coefficients, strict=True)]
+
+
+def _solution(functions: Sequence[Column], constants: Mapping[Symbol, Element], terms: Terms) -> list[Element] | None:
+    """The coefficients with which the last of `functions` follows from the others, at one value of the constants."""
+    wanted = len(functions)
+
+    def values(seed: int) -> list[list[Element]]:
+        point = Point(seed, terms.definitions, constants)
+        return [[point(function[r]) for function in functions] for r in range(len(functions[0]))]
+
+    rows = [row for there in usable(values, wanted + 1, TRIED_POINTS) for row in there if any(row)]
+    reduced, pivots = DomainMatrix(rows, (len(rows), wanted), FIELD).rref()
+    return [row[-1] for row in reduced.to_list()[: wanted - 1]] if pivots == tuple(range(wanted - 1)) else None
+
+
 def _symbolic(basis: Sequence[Column], column: Column, known: frozenset[Symbol], terms: Terms) -> list[Expr]:
-    """Coefficients in the known constants with sum of coefficient times basis function = column."""
+    """Coefficients in the known constants with sum of coefficient times basis function = column.
+
+    Raises:
+        NotCombined: If they are not found.
+    """
     rows: list[list[Expr]] = []
     right: list[Expr] = []
     functions = [[terms.expand(entry) for entry in function] for function in basis]
     wanted = [terms.expand(entry) for entry in column]
+    if any(_has_root_of_state(entry, known) for one in [*functions, wanted] for entry in one):
+        raise NotCombined(max(column, key=sp.count_ops))  # rational values leave roots of the constants, without end
     parts = _parts([*wanted, *(entry for function in functions for entry in function)], known)
-    for draw in range(4 * len(basis) + 8):
+    for draw in range(8 * len(basis) + 40):
         values = _RationalState(draw, known, parts)
         for r, entry in enumerate(wanted):
             row = [values(function[r]) for function in functions]
-            if Terms().rank(sp.Matrix([*rows, row])) == len(rows) + 1:
+            try:
+                is_new = Terms().rank(sp.Matrix([*rows, row])) == len(rows) + 1
+            except NotRepresentable:  # a root of a number that the field lacks
+                continue
+            if is_new:
                 rows.append(row)
                 right.append(values(entry))
             if len(rows) == len(basis):
-                matrix = sp.Matrix(rows)
-                solution = matrix.adjugate() * sp.Matrix(right) / matrix.det(method="berkowitz")
-                coefficients = [sp.factor(sp.together(entry)) for entry in solution]
-                if _combine(basis, coefficients, column, terms):
-                    return coefficients
-                raise ArithmeticError(f"no combination found for {column}")
-    raise ArithmeticError(f"too few independent values found for {column}")
+                return _solved(rows, right, basis, column, terms)
+    raise NotCombined(max(column, key=sp.count_ops))
+
+
+def _has_root_of_state(expression: Expr, known: frozenset[Symbol]) -> bool:
+    return any(not power.exp.is_Integer and not power.free_symbols <= known for power in expression.atoms(sp.Pow))
+
+
+def _solved(
+    rows: list[list[Expr]], right: list[Expr], basis: Sequence[Column], column: Column, terms: Terms
+) -> list[Expr]:
+    matrix = sp.Matrix(rows)
+    solution = matrix.adjugate() * sp.Matrix(right) / matrix.det(method="berkowitz")
+    coefficients = [sp.factor(sp.together(entry)) for entry in solution]
+    if not _combine(basis, coefficients, column, terms):
+        raise NotCombined(max(column, key=sp.count_ops))
+    return coefficients
 
 
 class _RationalState:

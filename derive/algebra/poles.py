@@ -21,7 +21,7 @@ _STEP = mpf("1e-20")  # from a zero to where a pole is noticed
 _HUGE = mpf("1e8")  # the square root of a divisor grows to 1e10 at that step
 _GRID = 96  # places along a coordinate where a change of sign is looked for
 _REACH = mpf("3.2")  # rad or m: angles all around
-_DRAWS = 3  # of the other coordinates
+_DRAWS = 6  # of the other coordinates and of the parameters
 _HALVINGS = 50
 _SECANTS = 6  # each doubles the digits, or nearly so
 _CANCELLED = mpf("1e-40")  # a divisor this small is zero
@@ -34,16 +34,10 @@ def leaves_a_pole(
     numbers: Mapping[Symbol, Expr],
     terms: Terms,
 ) -> bool:
-    """Whether one of `functions` is not defined next to a zero of `divisor`; parameters have the given `numbers`.
-
-    A divisor that depends on parameters and has no zero with these numbers counts: with others it may have one.
-    """
+    """Whether one of `functions` is not defined next to a zero of `divisor`, for parameters around `numbers`."""
     with mpmath.workdps(_DIGITS):
         place = _Places(divisor, coordinates, numbers, terms)
-        zeros = list(place.zeros())
-        if not zeros:
-            return not terms.atoms(divisor).isdisjoint(numbers)
-        return any(place.is_undefined(functions, zero, moving) for zero, moving in zeros)
+        return any(place.is_undefined(functions, zero, moving) for zero, moving in place.zeros())
 
 
 class _Places:
@@ -55,13 +49,14 @@ class _Places:
         self.divisor, self.terms = divisor, terms
         self.coordinates = list(coordinates)
         self.moving = sorted_symbols(terms.atoms(divisor) & set(coordinates))
-        self.parameters = {symbol: _generic(number, k) for k, (symbol, number) in enumerate(numbers.items())}
+        self.numbers = numbers
 
     def zeros(self) -> Iterator[tuple[dict[Symbol, mpf], Symbol]]:
         """Configurations of zeros, each with the coordinate along which it was found."""
         for draw in range(_DRAWS):
             for moving in self.moving:
-                place = self.parameters | {q: self._number(k, draw) for k, q in enumerate(self.coordinates)}
+                parameters = {s: _generic(number, k, draw) for k, (s, number) in enumerate(self.numbers.items())}
+                place = parameters | {q: self._number(k, draw) for k, q in enumerate(self.coordinates)}
                 for root in self._roots(place, moving):
                     yield place | {moving: root}, moving
 
@@ -104,9 +99,9 @@ class _Places:
         return any(value is not None and abs(value) < _CANCELLED for value in values)
 
 
-def _generic(number: Expr, index: int) -> mpf:
-    """A parameter's number, moved a little, so that nothing cancels by chance; zero becomes a tenth."""
-    moved = 1 + mpf((13 + 29 * index) % 97) / 1000
+def _generic(number: Expr, index: int, draw: int) -> mpf:
+    """A parameter's number, at first moved a little, so that nothing cancels by chance, then by factors up to 4."""
+    moved = mpf(4) ** (mpf((13 + 29 * index + 47 * draw) % 97) / 48 - 1) if draw else 1 + mpf(29 * index % 97) / 1000
     return moved * Evaluation({}, {})(number) if number != 0 else moved / 10
 
 

@@ -7,13 +7,12 @@ number of products grows with the mixture and not with the length of the express
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from dataclasses import dataclass
 
 import sympy as sp
 from sympy import Expr, Symbol
 
-from .finite_field import TRIED_POINTS, Element, NotRepresentable, Point, usable
+from .finite_field import TRIED_POINTS, Element, NotRepresentable, Point, usable, with_constants
 from .named_terms import Terms, sorted_symbols
 from .trigonometry import factored, normal_form, shortest
 
@@ -21,9 +20,6 @@ _LONGEST = 2000  # operations; longer factors are not split
 
 
 _STATES = (sp.S.Zero, sp.S.One, sp.pi / 3, sp.Rational(7, 5))  # of coordinates and velocities: at one, d has a value
-
-
-_DRAWS = 8  # of the known constants, until roots of them exist
 
 
 _FAR = 10**6  # between the seeds of two draws, which parameter sets do not reach
@@ -174,22 +170,21 @@ class MixedValues:
             NotRepresentable: If there are not as many.
         """
 
-        for draw in range(_DRAWS):
-            with suppress(NotRepresentable):
-                return self._table(count, draw)
-        raise NotRepresentable(self.expression)
+        def both(draw: int, number: int) -> tuple[int, int]:
+            self(number, number, draw)
+            return draw, number
 
-    def _table(self, count: int, draw: int) -> list[list[Element]]:
-        def existing(wanted: int, value: Callable[[int], Element]) -> list[int]:
+        ((draw, first),) = with_constants(both, 1, TRIED_POINTS)
+
+        def existing(value: Callable[[int], Element]) -> list[int]:
             def number(k: int) -> int:
                 value(k)
                 return k
 
-            return list(usable(number, wanted, TRIED_POINTS + 10 * wanted))
+            return list(usable(number, count, TRIED_POINTS + 10 * count))
 
-        (first,) = existing(1, lambda number: self(number, number, draw))
-        states = existing(count, lambda state: self(state, first, draw))
-        choices = existing(count, lambda choice: self(first, choice, draw))
+        states = existing(lambda state: self(state, first, draw))
+        choices = existing(lambda choice: self(first, choice, draw))
         return [[self(state, choice, draw) for choice in choices] for state in states]
 
     def __call__(self, state: int, choice: int, draw: int) -> Element:

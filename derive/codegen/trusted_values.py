@@ -22,6 +22,9 @@ from .quantities import Quantity
 _DIGITS = 50
 _NOISE = mpf("1e-30")  # of a function's largest entry; what cancels leaves less than that
 _CANDIDATES = 40
+_DOUBLE = 53  # bits
+_ROUNDING = 4 * 2.0**-52  # of a function's largest entry
+_ENOUGH = 2e-13  # of an entry
 
 
 def trusted_values(derivation: Derivation, functions: list[Quantity]) -> dict[str, Any]:
@@ -30,13 +33,39 @@ def trusted_values(derivation: Derivation, functions: list[Quantity]) -> dict[st
     Raises:
         NotRepresentable: If no configuration is found where all of them are finite.
     """
-    with mpmath.workdps(_DIGITS):
-        for attempt in range(_CANDIDATES):
-            try:
-                return _at(derivation, functions, attempt)
-            except (NotFinite, ZeroDivisionError):
-                continue
-    raise NotRepresentable(functions[0].expression)
+    best: tuple[float, dict[str, Any]] | None = None
+    undefined = None
+    for attempt in range(_CANDIDATES):
+        try:
+            with mpmath.workdps(_DIGITS):
+                found = _at(derivation, functions, attempt)
+            with mpmath.workprec(_DOUBLE):
+                lost = _lost(found["values"], _at(derivation, functions, attempt)["values"])
+        except (NotFinite, ZeroDivisionError) as error:
+            undefined = error.args[0] if error.args else None
+            continue
+        if best is None or lost < best[0]:
+            best = lost, found
+        if lost <= _ENOUGH:
+            break
+    if best is None:
+        raise NotRepresentable(undefined)
+    return best[1]
+
+
+def _lost(values: dict[str, list[Any]], rounded: dict[str, list[Any]]) -> float:
+    """How much of an entry rounding costs at most: near a singularity doubles cannot agree with many digits."""
+    worst = 0.0
+    for name, function in values.items():
+        expected, found = _flat(function), _flat(rounded[name])
+        noise = _ROUNDING * max(map(abs, expected), default=0.0)
+        for one, other in zip(expected, found, strict=True):
+            worst = max(worst, (abs(one - other) - noise) / max(abs(one), 1e-300))
+    return worst
+
+
+def _flat(rows: list[Any]) -> list[float]:
+    return [entry for row in rows for entry in (row if isinstance(row, list) else [row])]
 
 
 def _at(derivation: Derivation, functions: list[Quantity], attempt: int) -> dict[str, Any]:

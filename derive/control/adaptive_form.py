@@ -68,8 +68,8 @@ def adaptive_form(
         gain = Matrix.hstack(*(unloaded.applyfunc(lambda e, u=u: terms.partial(e, u)) for u in dynamics.inputs))
         return AdaptiveForm("physical", theta, theta, drift, gain, None, a, None, hindered)
     theta = _theta(len(forward.base_parameters), kinematics)
-    drift = _named([f"{s.name}_drift" for s in v], forward.drift * Matrix(theta), kinematics)
-    gain = Matrix.hstack(*(slope * Matrix(theta) for slope in forward.slopes))
+    drift = _named([f"{s.name}_drift" for s in v], forward.drift * Matrix(len(theta), 1, theta), kinematics)
+    gain = Matrix.hstack(*(slope * Matrix(len(theta), 1, theta) for slope in forward.slopes))
     regressor = forward.regressor(dynamics.inputs)
     return AdaptiveForm("forward", theta, forward.base_parameters, drift, gain, regressor, a, inverse, None)
 
@@ -97,9 +97,9 @@ def _inverted(inverse: LinearMap, theta: tuple[Symbol, ...], kinematics: Kinemat
     """Q and G from u = n + N a: G = N^-1, Q = -G n."""
     names = [v.name for v in kinematics.v]
     inputs = [motor.input for motor in kinematics.robot.motors]
-    effort = Matrix.hstack(*(slope * Matrix(theta) for slope in inverse.slopes))
+    effort = Matrix.hstack(*(slope * Matrix(len(theta), 1, theta) for slope in inverse.slopes))
     effort = Matrix(*effort.shape, lambda i, j: kinematics.terms.name(f"{inputs[i]}_per_{names[j]}", effort[i, j]))
-    hold = _named([f"{name}_hold" for name in inputs], inverse.drift * Matrix(theta), kinematics)
+    hold = _named([f"{name}_hold" for name in inputs], inverse.drift * Matrix(len(theta), 1, theta), kinematics)
     gain = adjugate_over_determinant(effort, kinematics.terms, "effort_determinant")
     return -gain * hold, gain
 

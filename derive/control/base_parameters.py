@@ -15,9 +15,9 @@ import sympy as sp
 from sympy import Expr, Matrix, Symbol
 
 from ..algebra.finite_field import NotRepresentable, Point
-from ..algebra.linear_dependence import dependence, fraction_of
+from ..algebra.linear_dependence import NotCombined, dependence, fraction_of
 from ..algebra.named_terms import Terms
-from ..algebra.separation import Parameters, Separation
+from ..algebra.separation import NotSeparable, Parameters, Separation
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,8 @@ def linear_map(
 
     `value` gives a parameter function at the default parameters: signs are chosen so that base parameters are positive.
     Raises:
-        NotSeparable: If a factor of a term contains both state and uncertain parameters.
+        NotSeparable: If a factor of a term contains both state and uncertain parameters, or what follows from other
+            terms could not be told.
     """
     separation = Separation(slope_symbols, parameters, terms)
     rows = [separation.products(entry) for entry in function]
@@ -54,8 +55,11 @@ def linear_map(
         for slope in (None, *slope_symbols)
         for row in rows
     ]
-    theta, columns = _independent_parameters(products, parameters, terms)
-    theta, columns = _independent_columns(theta, columns, parameters, terms, value)
+    try:
+        theta, columns = _independent_parameters(products, parameters, terms)
+        theta, columns = _independent_columns(theta, columns, parameters, terms, value)
+    except NotCombined as error:
+        raise NotSeparable(error.function) from None
     theta = [_number_or(parameter, terms) for parameter in theta]
     signs = [-1 if value(parameter) < 0 else 1 for parameter in theta]
     regressor = sp.zeros(len(products), len(theta))

@@ -102,7 +102,7 @@ def decoupling_determinant(
     reach = dynamics.input_matrix
     is_square = form.gain.rows == form.gain.cols
     if form.inverse is not None and form.kind == "inverse":  # G = N^-1, and N is shorter
-        effort = Matrix.hstack(*(slope * Matrix(form.theta) for slope in form.inverse.slopes))
+        effort = Matrix.hstack(*(slope * Matrix(len(form.theta), 1, form.theta) for slope in form.inverse.slopes))
         gain = 1 / _factored(terms.expand(_determinant(effort)))
     elif form.kind == "physical":
         mass = _determinant(dynamics.inertia_matrix)

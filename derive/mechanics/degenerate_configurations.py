@@ -175,8 +175,12 @@ def _zeros(factor: Expr, coordinates: frozenset[Symbol]) -> Iterator[dict[Symbol
             return
     for q in sorted_symbols(angle.free_symbols & coordinates):
         slope = sp.diff(angle, q)
+        rest = sp.expand(angle - slope * q)
         if slope.is_Rational and slope != 0:
-            yield from ({q: value} for value in _within_a_turn(q, slope, sp.expand(angle - slope * q), turns[0]))
+            yield from ({q: value} for value in _within_a_turn(q, slope, rest, turns[0]))
+            return
+        if slope != 0 and slope.free_symbols.isdisjoint(coordinates):  # a ratio of parameters
+            yield from ({q: sp.expand((turn - rest) / slope)} for turn in turns)
             return
 
 

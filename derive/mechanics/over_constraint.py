@@ -17,7 +17,7 @@ from .constraints import Constraints, plane_velocities, slip_origin, stacked
 from .numeric_motion import Floats, matrix_values
 from .velocities import Form
 
-_NEARLY = 1e-3  # of a row's length: rows closer to a dependent one are meant to be dependent
+_NEARLY = 2e-3  # of a row's length: each of two axles may be off by a thousandth
 _PLACES = 5  # random configurations that all say so
 
 REMEDY = (

@@ -9,7 +9,7 @@ import sympy as sp
 from sympy import Symbol
 from sympy.polys.matrices import DomainMatrix
 
-from ..algebra.finite_field import FIELD, TRIED_POINTS, Element, NotRepresentable, Point, usable
+from ..algebra.finite_field import FIELD, TRIED_POINTS, Element, NotRepresentable, Point, with_constants
 from ..algebra.named_terms import Terms
 from ..description.reader import symbol
 from ..description.robot import Robot
@@ -26,9 +26,6 @@ _SOLVED = 3  # combinations that are solved, where no determinant shows that one
 
 
 _CONFIGURATIONS = 5  # at which the determinant of a smooth choice has the same value
-
-
-_REDRAWS = 8  # of the parameters, until roots of them exist
 
 
 _FAR = 1000  # between the seeds of two draws
@@ -135,17 +132,12 @@ class _Determinants:
         self.places = {v: len(constraints.basis) + k for k, v in enumerate(candidates)}
         self.basis = list(range(len(constraints.basis)))
 
-        def of_parameters(draw: int) -> list[list[list[Element]]]:
+        def values(draw: int, seed: int) -> list[list[Element]]:
             drawn = Point(_FAR * draw)
-            parameters = {p: drawn(p) for p in robot.parameters}
+            point = Point(_FAR * draw + seed, values={p: drawn(p) for p in robot.parameters})
+            return [[point(entry) for entry in matrix.row(i)] for i in range(matrix.rows)]
 
-            def values(seed: int) -> list[list[Element]]:
-                point = Point(_FAR * draw + seed, values=parameters)
-                return [[point(entry) for entry in matrix.row(i)] for i in range(matrix.rows)]
-
-            return list(usable(values, _CONFIGURATIONS, TRIED_POINTS))
-
-        self.values = next(usable(of_parameters, 1, _REDRAWS))
+        self.values = with_constants(values, _CONFIGURATIONS, TRIED_POINTS)
 
     def __call__(self, chosen: Sequence[Symbol]) -> set[int]:
         found: set[int] = set()

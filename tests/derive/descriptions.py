@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from derive.codegen.write import generate_one, write
+from wmr_afl import Model
+from wmr_afl.model.laws import LAWS, Situation
 
 PARAMETERS = {  # value, unit
     "r": (0.1, "m"),
@@ -67,10 +71,25 @@ def robot(
 
 def derived(text: str, folder: Path) -> Path:
     """The folder of the model that is derived from a description."""
-    path = folder / "small.toml"
-    path.write_text(text)
-    write({f"small/{name}": content for name, content in generate_one(path).items()}, folder)
+    write({f"small/{name}": content for name, content in files_of(text).items()}, folder)
     return folder / "small"
+
+
+@cache
+def files_of(text: str) -> dict[str, str]:
+    """The files of a model, derived once for all tests that look at it."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "small.toml"
+        path.write_text(text)
+        return generate_one(path)
+
+
+def lawful_model(folder: Path) -> Model:
+    """The model in a folder; it obeys every law."""
+    situation = Situation(folder)
+    laws = [law for law in LAWS if law.applies(situation.numpy)]
+    assert [law.name for law in laws if not law.deviation(situation) <= law.tolerance] == []
+    return situation.numpy
 
 
 AHEAD = {"y1": "x + L*cos(phi)", "y2": "y + L*sin(phi)"}

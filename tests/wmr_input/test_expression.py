@@ -3,13 +3,13 @@
 import ast
 import contextlib
 from fractions import Fraction
-from math import isclose, sin
+from math import atan2, isclose, sin
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wmr_input import Algebra, ExpressionError, evaluate
+from wmr_input import LONGEST_FORMULA, Algebra, ExpressionError, evaluate
 from wmr_input.expression import DEEPEST_FUNCTION, HIGHEST_POWER
 
 EXACT = Algebra(names={"x": Fraction(3), "I": Fraction(7), "E": Fraction(11)}, functions={}, number=Fraction)
@@ -141,3 +141,20 @@ def test_functions_of_functions_are_read_three_deep_and_no_deeper() -> None:
 def test_parentheses_have_a_deepest_level() -> None:
     with pytest.raises(ExpressionError, match="parentheses 41 deep"):
         evaluate("(" * 41 + "x" + ")" * 41, FLOAT)
+
+
+TWO = Algebra(names={"x": 3.0}, functions={"sin": sin, "atan2": atan2}, number=float)
+
+
+def test_a_function_of_two_arguments_takes_two() -> None:
+    assert evaluate("atan2(x, 4)", TWO) == atan2(3.0, 4.0)
+    for text in ("atan2(x)", "atan2(x, 4, 5)", "atan2(x, x=4)", "atan2()"):
+        with pytest.raises(ExpressionError, match=r"'atan2' takes two arguments; write atan2\(y, x\)"):
+            evaluate(text, TWO)
+    with pytest.raises(ExpressionError, match="'sin' takes one argument"):
+        evaluate("sin(x, 4)", TWO)
+
+
+def test_generated_formulas_may_be_a_little_deeper() -> None:
+    """An angle that is an arctangent stands under one more sine."""
+    assert evaluate("sin(sin(sin(sin(x))))", FLOAT, LONGEST_FORMULA) is not None

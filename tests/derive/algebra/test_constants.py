@@ -14,8 +14,7 @@ import sympy as sp
 from derive.algebra.constants import Constants, near_fractions_of_pi
 from derive.algebra.formula_text import formula, readable
 from tests.conftest import ROOT
-from tests.derive.descriptions import derived, motor, robot, steered, wheel
-from wmr_afl.model.laws import LAWS, Situation
+from tests.derive.descriptions import derived, lawful_model, motor, robot, steered, wheel
 from wmr_afl.numerics.formulas import numpy_value
 
 a, x = sp.symbols("a x", real=True)
@@ -25,9 +24,7 @@ SECONDS = 60  # what used to run for minutes takes a few
 @pytest.mark.parametrize("angle", ["2.094395", "0.5", "1e-3", "3.7", "1.5707963", "6.25"])
 def test_a_decimal_has_fractions_on_the_unit_circle(angle: str) -> None:
     constants = Constants()
-    c, s = (
-        constants.exact(constants.inside_functions(function(sp.Rational(angle)))) for function in (sp.cos, sp.sin)
-    )
+    c, s = (constants.exact(constants.inside_functions(function(sp.Rational(angle)))) for function in (sp.cos, sp.sin))
     assert c.is_Rational
     assert c**2 + s**2 == 1
     assert float(c) == pytest.approx(cos(float(angle)), abs=4e-16)
@@ -89,10 +86,9 @@ def test_rollers_with_decimal_angles_are_derived_in_seconds(tmp_path: Path) -> N
     command = [sys.executable, "-m", "derive", str(path), "--out", str(tmp_path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=SECONDS)
     assert done.returncode == 0, done.stderr
-    situation = Situation(tmp_path / "small")
-    assert [law.name for law in LAWS if law.applies(situation.numpy) and not law.deviation(situation) <= law.tolerance] == []
-    p = situation.numpy.parameters()
-    rates = situation.numpy.actuator_rates_matrix([0, 0, 0], p)
+    model = lawful_model(tmp_path / "small")
+    p = model.parameters()
+    rates = model.actuator_rates_matrix([0, 0, 0], p)
     expected = [
         [cos(h + r) / (p[0] * cos(r)), sin(h + r) / (p[0] * cos(r)), p[1] / p[0]]
         for h, r in ((t + np.pi / 2, 0.785398) for t in (0.0, 2.094395, -2.094395))
@@ -101,12 +97,14 @@ def test_rollers_with_decimal_angles_are_derived_in_seconds(tmp_path: Path) -> N
 
 
 def test_decimals_in_joints_outputs_and_headings(tmp_path: Path) -> None:
-    parts = (steered("fork", ("a", "0"), "beta + 0.3"), wheel("rear", heading="0"), wheel("front", "fork", heading="-0.3"))
+    parts = (
+        steered("fork", ("a", "0"), "beta + 0.3"),
+        wheel("rear", heading="0"),
+        wheel("front", "fork", heading="-0.3"),
+    )
     outputs = {"y1": "x + a*cos(phi) + L*cos(phi + beta + 0.25)", "y2": "y + a*sin(phi) + L*sin(phi + beta + 0.25)"}
     text = robot(*parts, motor("rear"), motor("fork"), angles=("beta",), outputs=outputs)
-    situation = Situation(derived(text, tmp_path))
-    assert [law.name for law in LAWS if law.applies(situation.numpy) and not law.deviation(situation) <= law.tolerance] == []
-    model = situation.numpy
+    model = lawful_model(derived(text, tmp_path))
     q, p = np.array([0.1, -0.2, 0.4, 0.15]), model.parameters()
     expected = [q[0] + 0.3 * cos(0.4) + 0.4 * cos(0.8), q[1] + 0.3 * sin(0.4) + 0.4 * sin(0.8)]
     np.testing.assert_allclose(model.output(q, model.known(p)), expected, rtol=1e-14)

@@ -65,7 +65,7 @@ def test_another_form_of_an_expression_has_its_values(form, expression: sp.Expr)
         (sp.sin(a + b), without_sums_of_angles, sp.sin(a) * sp.cos(b) + sp.sin(b) * sp.cos(a)),
         (a + b, shortest, a + b),
     ],
-    ids=str,
+    ids=lambda value: getattr(value, "__name__", str(value)),
 )
 def test_identities_are_found(expression: sp.Expr, form, expected: sp.Expr) -> None:
     """The pythagorean one, sums of angles; multiples up to six are resolved, higher ones stay."""

@@ -1,11 +1,15 @@
 """Units of expressions are those of the quantities in them."""
 
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 import sympy as sp
 
 from derive.algebra.units import MixedUnits, Units, UnknownUnit, format_unit, parse_unit, product
+from derive.derivation import derive_robot
+from tests.conftest import DESCRIPTIONS
+from wmr_input import InputError
 
 m, kg, t, angle, volts, free = sp.symbols("m kg t angle volts free")
 
@@ -141,3 +145,64 @@ def test_a_product_of_units_adds_exponents_and_leaves_out_zeros() -> None:
     assert product(newton, second, 2) == {"kg": 1, "m": 1}
     assert product(newton, newton, -1) == {}
     assert product({}, second, Fraction(1, 2)) == {"s": Fraction(1, 2)}
+
+
+SAME = [
+    ("N m/(rad/s)", "N m s"),
+    ("N m/(rad/s)", "N m s/rad"),
+    ("kg*m**2", "kg m^2"),
+    ("kg * m^2", "J s^2"),
+    ("V A", "W"),
+    ("W", "N m/s"),
+    ("Ohm", "V/A"),
+    ("V/(rad/s)", "N m/A"),
+    ("N m/(A Ohm)", "N m/V"),
+    ("1/(s (m/s))", "1/m"),
+    ("(kg m)^2/s", "kg^2 m^2/s"),
+    ("m/s/s", "m/s^2"),
+    ("m/s^-1", "m s"),
+]
+
+
+@pytest.mark.parametrize(("one", "other"), SAME)
+def test_units_that_are_the_same(one: str, other: str) -> None:
+    assert parse_unit(one) == parse_unit(other)
+
+
+REFUSED = {
+    "mm": "write 'm' and the value times 0.001",
+    "deg": "write 'rad' and the value times pi/180",
+    "g": "write 'kg' and the value times 0.001",
+    "rpm": "write 'rad/s' and the value times pi/30",
+    "deg/s": "write 'rad' and the value times pi/180",
+    "(m": "parenthesis that is not closed",
+    "m)": "')' in unit",
+    "m^": "power",
+    "^2": "power of nothing",
+    "furlong": "use SI units",
+}
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_what_is_no_si_unit_is_refused_with_what_to_write(text: str) -> None:
+    with pytest.raises(UnknownUnit) as caught:
+        parse_unit(text)
+    assert REFUSED[text] in str(caught.value)
+
+
+def test_the_back_emf_of_a_motor_follows_from_its_constants(tmp_path: Path) -> None:
+    """k_t^2/R is a damping: N m/A and Ohm give N m s."""
+    assert format_unit(product(product({}, parse_unit("N m/A"), 2), parse_unit("Ohm"), Fraction(-1))) == "N m s"
+    text = DESCRIPTIONS["type_2_0"].read_text()
+    text = text.replace("[[frames]]", "\n[[frames]]", 1).replace(
+        "[parameters]", '[parameters]\nk_t = { value = 0.1, unit = "N m/A" }\nR = { value = 1.5, unit = "Ohm" }', 1
+    )
+    text = text.replace('torque_gain = "K1"', 'torque_gain = "k_t/R"').replace(
+        'back_emf = "K2"', 'back_emf = "k_t**2/R"'
+    )
+    path = tmp_path / "robot.toml"
+    path.write_text(text)
+    derive_robot(path)
+    path.write_text(text.replace('back_emf = "k_t**2/R"', 'back_emf = "k_t*R"'))
+    with pytest.raises(InputError, match="this place takes N m s/rad"):
+        derive_robot(path)

@@ -21,23 +21,20 @@ from tests.derive.descriptions import (
     CRAB_OUTPUTS,
     CRAB_PARTS,
     derived,
+    lawful_model,
     motor,
     part,
     robot,
     steered,
     wheel,
 )
-from wmr_afl import load_model
-from wmr_afl.model.laws import LAWS, Situation
+from wmr_afl import Model, load_model
 from wmr_input import InputError
 
 
-def model_of(text: str, folder: Path) -> Any:
+def model_of(text: str, folder: Path) -> Model:
     """The derived model; it obeys every law."""
-    situation = Situation(derived(text, folder))
-    broken = [law.name for law in LAWS if law.applies(situation.numpy) and not law.deviation(situation) <= law.tolerance]
-    assert broken == []
-    return situation.numpy
+    return lawful_model(derived(text, folder))
 
 
 @pytest.mark.parametrize("v", [None, ALONG_THE_BODY], ids=["chosen v", "v along the body"])
@@ -103,7 +100,9 @@ def test_what_is_defined_nowhere_is_named(tmp_path: Path) -> None:
         derive_robot(path)
 
 
-CASTERS = [part("frames", name=f"c{k}", parent="body", at=list(at), angle=f"g{k}") for k, at in enumerate(("ab", "bL", "La"))]
+CASTERS = [
+    part("frames", name=f"c{k}", parent="body", at=list(at), angle=f"g{k}") for k, at in enumerate(("ab", "bL", "La"))
+]
 FREE = [wheel(f"cw{k}", f"c{k}", ("-e", "0")) for k in range(3)]
 TWO = (wheel("left", at=("0", "b")), wheel("right", at=("0", "-b")), motor("left"), motor("right"))
 

@@ -16,7 +16,12 @@ STEERING = tuple(f"g_{name}" for name in CORNERS)
 POSTURE = {"X": "x", "Y": "y", "P": "phi"}
 FOUR = [wheel(name, at=at) for name, at in CORNERS.items()]
 FRONT = [steered("left", ("a", "b"), "g_l"), steered("right", ("a", "-b"), "g_r")]
-CAR = [wheel("rear_l", at=("0", "b")), wheel("rear_r", at=("0", "-b")), wheel("front_l", "left"), wheel("front_r", "right")]
+CAR = [
+    wheel("rear_l", at=("0", "b")),
+    wheel("rear_r", at=("0", "-b")),
+    wheel("front_l", "left"),
+    wheel("front_r", "right"),
+]
 TANDEM = part("frames", name="trailer", parent="body", at=["-a", "0"], angle="g")
 AXLES = [wheel("t1", "trailer", ("-b", "0")), wheel("t2", "trailer", ("-L", "0"))]
 PAIR = [wheel("l", at=("0", "b")), wheel("r", at=("0", "-b")), motor("l"), motor("r")]

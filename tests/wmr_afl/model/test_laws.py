@@ -39,6 +39,17 @@ def test_a_wrong_term_breaks_a_law(term: str, robot: str) -> None:
     assert any(law.applies(situation.numpy) and not _obeyed(law, situation) for law in others)
 
 
+@pytest.mark.parametrize("distance", [0.2, 0.03, 0.005])
+def test_a_right_model_is_not_called_broken_near_a_singularity(distance: float) -> None:
+    """A fixed step reaches too far where the steering angle is almost 90 degrees; a wrong Jacobian still shows."""
+    situation = Situation("car")
+    situation.x[:, 3] = np.pi / 2 - distance
+    laws = [law for law in LAWS if law.name in ("Jacobians", "differences")]
+    assert [law.name for law in laws if not _obeyed(law, situation)] == []
+    falsify(situation, "state_jacobian")
+    assert [law.name for law in laws if _obeyed(law, situation)] == []
+
+
 def test_a_motor_constant_may_be_any_formula(tmp_path: Path) -> None:
     """Whatever function a description may call, the laws can evaluate."""
     text = DESCRIPTIONS["type_2_0"].read_text().replace('torque_gain = "K1"', 'torque_gain = "K1*exp(sin(d/b))"')

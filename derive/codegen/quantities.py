@@ -93,6 +93,14 @@ QUANTITIES = (
         lambda d: d.kinematics.actuator_rates_matrix,
     ),
     Entry(
+        "joint_stops", "q p", "n_s", "limits of the joints", "how far each joint is from its lower and its upper limit",
+        lambda d: d.kinematics.joint_stops,
+    ),
+    Entry(
+        "joint_stops_matrix", "q p", "n_s n-m", "limits of the joints", "J(q): joint_stops' = J(q) v",
+        lambda d: d.kinematics.joint_stops_matrix,
+    ),
+    Entry(
         "inertia_matrix", "q p", "n-m n-m", "(14)", "Mbar(q), symmetric positive definite",
         lambda d: d.dynamics.inertia_matrix,
     ),

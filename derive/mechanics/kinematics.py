@@ -65,6 +65,19 @@ class Kinematics:
         driven = [self.wheel_rates[m.wheel] if m.wheel else self.joint_rates[str(m.joint)] for m in self.robot.motors]
         return stacked(driven, list(self.v))
 
+    @property
+    def joint_stops(self) -> Matrix | None:
+        """How far joints with limits are from their lower and their upper one [rad], (n_s, 1); None if none has any."""
+        limited = [(frame.angle, *frame.limits) for frame in self.robot.frames if frame.limits]
+        distances = [distance for angle, lower, upper in limited for distance in (angle - lower, upper - angle)]
+        return Matrix(distances).xreplace(self.robot.constants.values) if distances else None
+
+    @property
+    def joint_stops_matrix(self) -> Matrix | None:
+        """The rates of these distances per pseudo-velocity, (n_s, n-m)."""
+        rates = [self.joint_rates[frame.name] for frame in self.robot.frames if frame.limits]
+        return stacked([side for rate in rates for side in (rate, Form() - rate)], list(self.v)) if rates else None
+
 
 def solve_kinematics(robot: Robot, pseudo_velocities: Mapping[Symbol, Form], constraints: Constraints) -> Kinematics:
     """The kinematics of `robot` in the given pseudo-velocities.

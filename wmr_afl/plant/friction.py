@@ -15,7 +15,7 @@ from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.parts import Fault
 from wmr_afl.numerics.vectors import per_entry
 from wmr_afl.plant.loads import Place
-from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
+from wmr_afl.plant.uncertainty import Resistance, Surroundings, Uncertainty, UncertaintyTable
 from wmr_input.fields import Numbers
 
 
@@ -39,7 +39,9 @@ class FrictionTable(UncertaintyTable):
 class Friction(Uncertainty):
     """F(r) = Fv r + Kd sgn r (95), of the rates r at the place where it acts.
 
-    `of_pseudo_velocities` takes r = v although the torque acts on the wheels, as (7) and (13) read literally.
+    At rest sgn 0 is any number from -1 to 1: Coulomb friction holds what is pushed by less than Kd, and within a sample
+    it stops a motion but does not reverse it. `of_pseudo_velocities` takes r = v although the torque acts on the wheels,
+    as (7) and (13) read literally; sgn 0 is 0 then.
 
     Raises:
         WmrError: if a coefficient is negative or the channels do not match.
@@ -59,8 +61,8 @@ class Friction(Uncertainty):
         count = len(self.place.channels)
         self.viscous, self.coulomb = per_entry("viscous", viscous, count), per_entry("coulomb", coulomb, count)
         self.check_numbers()
-        self.of_v = of_pseudo_velocities or not self.place.on_wheels
-        if self.of_v and count != model.pseudo_velocity_count:
+        self.is_literal = of_pseudo_velocities and self.place.on_wheels
+        if self.is_literal and count != model.pseudo_velocity_count:
             raise WmrError(f"{count} wheels for {model.pseudo_velocity_count} pseudo-velocities", "leave `of` out")
 
     @property
@@ -75,5 +77,13 @@ class Friction(Uncertainty):
 
     def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array:
         q, v = x[: model.coordinate_count], x[model.coordinate_count :]
-        rates = v if self.of_v else self.place.rates(q, v, p, model)
-        return self.place.on_v(k.viscous * rates + k.coulomb * model.arrays.sign(rates), q, p, model)
+        if self.is_literal:
+            return self.place.on_v(k.viscous * v + k.coulomb * model.arrays.sign(v), q, p, model)
+        return self.place.on_v(k.viscous * self.place.rates(q, v, p, model), q, p, model)
+
+    def resistance(self, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Resistance | None:
+        if self.is_literal:
+            return None  # this torque may as well drive what it acts on: it stops nothing
+        matrix = self.place.matrix(x[: model.coordinate_count], p, model)
+        each = [k.coulomb[i] for i in range(len(self.place.channels))]
+        return Resistance(matrix, [-most for most in each], each)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from wmr_afl.errors import UnknownNameError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array
@@ -22,6 +24,10 @@ class Place:
         self.on_wheels = name == "wheels"
         names = model.input_units if self.on_wheels else list(model.state_units)[model.coordinate_count :]
         self.channels = list(names)
+
+    def matrix(self, q: Array, p: Array, model: Model) -> Array:
+        """What v is multiplied by for the rates, (channels, n-m)."""
+        return model.actuator_rates_matrix(q, p) if self.on_wheels else np.eye(model.pseudo_velocity_count)
 
     def rates(self, q: Array, v: Array, p: Array, model: Model) -> Array:
         """v, or the shafts' rates X v (10)."""

@@ -10,14 +10,21 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.errors import ShapeError, UnknownNameError
 from wmr_afl.model.model import Model
-from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.arrays import Array, Arrays, Floats, dot
+from wmr_afl.numerics.complementarity import stopping_forces
+from wmr_afl.numerics.linear_algebra import entries, solve
 from wmr_afl.numerics.parts import Fixed, Parts, prefixed
 from wmr_afl.plant.integrators import INTEGRATORS
-from wmr_afl.plant.uncertainty import Uncertainty
+from wmr_afl.plant.joint_stops import JointStops
+from wmr_afl.plant.uncertainty import Resistance, Uncertainty
 
 
 class Plant(Fixed):
     """x' = f + q + g u + xi (15), integrated over one sample with the input held.
+
+    Forces of resistances, as Coulomb friction, are found at the start of a sample, so that they stop what they can stop
+    within it, and are held over it as the input is. For Euler's method no rate is reversed; what the method of Runge and
+    Kutta leaves is of the order of step^2 and gone in the next samples.
 
     Raises:
         ShapeError: if the start does not fit.
@@ -41,7 +48,8 @@ class Plant(Fixed):
             )
         if integrator not in INTEGRATORS:
             raise UnknownNameError("integrator", integrator, INTEGRATORS)
-        self.integrator, self.uncertainties = INTEGRATORS[integrator], Parts(uncertainties)
+        stops = JointStops() if model.has("joint_stops") else None
+        self.integrator, self.uncertainties = INTEGRATORS[integrator], Parts((*uncertainties, stops))
         for array in (self.parameters, self.start):
             array.flags.writeable = False
 
@@ -81,11 +89,11 @@ class Plant(Fixed):
 
     def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array:
         """w = Fbar + taubar_d (14), (n-m,)."""
-        total = np.zeros(model.pseudo_velocity_count)
+        w = np.zeros(model.pseudo_velocity_count)
         for part, own in self.uncertainties.with_values(k):
             force = part.load(t, x, p, own, model)
-            total = total if force is None else force + total
-        return total
+            w = w if force is None else force + w
+        return w
 
     def parameters_at(self, t: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
         """p at time t, (n_p,)."""
@@ -94,10 +102,46 @@ class Plant(Fixed):
             p = part.parameters(t, p, own, arrays)
         return p
 
-    def rate(self, t: Array, x: Array, u: Array, k: SimpleNamespace, model: Model) -> Array:
-        """x' (15) at time t while the motors get u, (2n-m,)."""
+    def resistances(self, x: Array, p: Array, k: SimpleNamespace, model: Model) -> list[Resistance]:
+        """What resists the motion in state x."""
+        every = (part.resistance(x, p, own, model) for part, own in self.uncertainties.with_values(k))
+        return [one for one in every if one is not None]
+
+    def holding(self, t: Array, x: Array, u: Array, k: SimpleNamespace, model: Model, step: Array) -> list[Array]:
+        """The forces of all resistances over the sample from time t, (k,)."""
         p = self.parameters_at(t, k, model.arrays)
-        x_dot = model.state_derivative(x, u, self.load(t, x, p, k, model), p)
+        found = self.resistances(x, p, k, model)
+        if not found:
+            return []
+        q, v = x[: model.coordinate_count], x[model.coordinate_count :]
+        free = v + step * self.rate(t, x, u, k, model)[model.coordinate_count :]
+        rows, rates = [], []
+        for one in found:
+            for i, row in enumerate(self._rows([one], model)):
+                allowed = 0.0 if one.distance is None else one.distance[i] / step + dot(row, v)
+                rates.append(dot(row, free) + allowed)
+                rows.append(row)
+        inertia = model.inertia_matrix(q, p)
+        answers = [solve(inertia, row, model.arrays) for row in rows]
+        effects = [[step * dot(row, answer) for answer in answers] for row in rows]
+        least, most = [b for one in found for b in one.least], [b for one in found for b in one.most]
+        return stopping_forces(rates, effects, least, most, model.arrays)
+
+    @staticmethod
+    def _rows(resistances: Sequence[Resistance], model: Model) -> list[Array]:
+        """The rows of J of all of them, each (n-m,)."""
+        return [model.arrays.vector(row) for one in resistances for row in entries(one.matrix)]
+
+    def rate(
+        self, t: Array, x: Array, u: Array, k: SimpleNamespace, model: Model, held: Sequence[Array] = ()
+    ) -> Array:
+        """x' (15) at time t while the motors get u and resistances hold with the forces `held`, (2n-m,)."""
+        p = self.parameters_at(t, k, model.arrays)
+        w = self.load(t, x, p, k, model)
+        if held:
+            rows = self._rows(self.resistances(x, p, k, model), model)
+            w = w + sum((force * row for force, row in zip(held, rows, strict=True)), start=0.0 * w)
+        x_dot = model.state_derivative(x, u, w, p)
         for part, own in self.uncertainties.with_values(k):
             added = part.rate(t, x, own, model)
             x_dot = x_dot if added is None else x_dot + added
@@ -111,4 +155,5 @@ class Plant(Fixed):
         for key, part, state, own in self.uncertainties.with_states(z, k):
             following |= prefixed(key, part.update(u, state, own, model.arrays))
             u = part.applied(u, state, own, model.arrays)
-        return {"x": self.integrator(lambda time, x: self.rate(time, x, u, k, model), t, z.x, step), **following}
+        held = self.holding(t, z.x, u, k, model, step)
+        return {"x": self.integrator(lambda time, x: self.rate(time, x, u, k, model, held), t, z.x, step), **following}

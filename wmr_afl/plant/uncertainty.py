@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import ClassVar
@@ -40,11 +41,25 @@ class UncertaintyTable(Table):
         return {}
 
 
+@dataclass(frozen=True)
+class Resistance:
+    """Forces F against rates J v, least <= F <= most (None is no bound), as large as needed to stop the motion.
+
+    F = most while the rate stays positive, F = least while it stays negative. With distances d >= 0 that change by J v,
+    what is stopped is not the motion, but what would make d negative.
+    """
+
+    matrix: Array  # J (k, n-m)
+    least: Sequence[Array | None]  # (k,)
+    most: Sequence[Array | None]  # (k,)
+    distance: Array | None = None  # d (k,)
+
+
 class Uncertainty(Part):
     """Something between the controller and the robot, or on the robot, of which no controller knows.
 
         seen = measured(x)        u = the controller's command        x' = f(x, applied(u), w, p) + rate     (15)
-        w = sum of loads                p = parameters at time t
+        w = sum of loads and of what resistances need                p = parameters at time t
 
     In NumPy and CasADi alike; `z` and `k` hold the part's own states and numbers by their names.
     """
@@ -63,6 +78,10 @@ class Uncertainty(Part):
 
     def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array | None:
         """A generalized force on v, against the motion: Mbar v' + Cbar v + w = Bbar K1 u (14), (n-m,); None is zero."""
+        return None
+
+    def resistance(self, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Resistance | None:
+        """Forces that stop motions, and hold until they are overcome; None is none."""
         return None
 
     def rate(self, t: Array, x: Array, k: SimpleNamespace, model: Model) -> Array | None:

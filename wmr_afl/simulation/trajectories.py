@@ -49,7 +49,8 @@ def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterat
         unfinished = begin(path)
     try:
         with _one_line(path):
-            file = h5py.File(unfinished, "w")
+            # Without a cache a full disk shows where a chunk is written; with one HDF5 tries again later, and crashes.
+            file = h5py.File(unfinished, "w", rdcc_nbytes=0)
             file.attrs["model"] = loop.model.name
             file.create_dataset("time", data=times).attrs["names"] = ["time [s]"]
             for signal, dataset in DATASETS.items():

@@ -103,6 +103,7 @@ def test_a_full_disk_leaves_no_half_written_file(tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT, str(tmp_path / "runs.h5")], cwd=ROOT, capture_output=True, text=True, check=False
     )
+    assert (done.returncode, done.stderr) == (0, "")  # neither a crash nor tracebacks that Python could not raise
     assert "runs.h5: cannot be written" in done.stdout
     assert len(done.stdout.splitlines()) == 1, done.stdout
     assert not list(tmp_path.iterdir())

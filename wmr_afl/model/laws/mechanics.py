@@ -75,6 +75,11 @@ def _motors_act_where_they_turn(s: Situation) -> float:
     return max(worst, relative(_damping(s), (transposed(rates) * back_emf) @ rates))
 
 
+def _stops_move_as_their_joints(s: Situation) -> float:
+    rates = s.along("joint_stops", times(s.numpy.kinematic_matrix(s.q, s.p), s.v), "q")[..., 0]
+    return relative(times(s.numpy.joint_stops_matrix(s.q, s.p), s.v), rates)
+
+
 def _of_motors(s: Situation, key: str) -> Floats:
     """A motor constant of every motor, from its formula in the physical parameters, (batch, n_u)."""
     names = dict(zip(s.numpy.parameter_units, s.p.T, strict=True))
@@ -95,4 +100,8 @@ LAWS = (
     Law("dissipation", "back-EMF damps: its share in Cbar is symmetric, not negative", 1e-10, _damping_dissipates),
     Law("power balance", "kinetic energy changes by motor work minus dissipation", 1e-10, _power_balance),
     Law("virtual power", "motors act on v as their shafts turn: Bbar = X^T", 1e-12, _motors_act_where_they_turn),
-)
+    Law(
+        "stops of joints", "their distances change by J v", 1e-10, _stops_move_as_their_joints,
+        lambda model: model.has("joint_stops"),
+    ),
+)  # fmt: skip

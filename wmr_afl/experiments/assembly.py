@@ -21,7 +21,7 @@ from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import Experiment
 from wmr_afl.model.files import model_folder
 from wmr_afl.model.model import Model, load_model
-from wmr_afl.model.plausibility import check_robots
+from wmr_afl.model.plausibility import check_robots, check_start
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.rules import Numbers, Rules
 from wmr_afl.numerics.vectors import by_name
@@ -87,6 +87,7 @@ class _Assembly:
         surroundings = Surroundings(model, self.parameters, simulation.sample_time)
         uncertainties = self.experiment.uncertainties.build(surroundings, self.at)
         with self.at("[start]"):
+            check_start(model, self.experiment.start, self.parameters)
             start = by_name("state", self.experiment.start, list(model.state_units), missing=0.0)
             return Plant(model, self.parameters, start, simulation.integrator, uncertainties)
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
 from wmr_afl.experiments.assembly import rules_of
 from wmr_afl.experiments.experiment import Experiment
-from wmr_afl.model.plausibility import RobotFault, robot_faults
+from wmr_afl.model.plausibility import RobotFault, robot_faults, start_faults
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.parts import by_part
 from wmr_afl.numerics.rules import Numbers
@@ -106,7 +106,9 @@ def _faults(
         is_bound = name in ("projection.lower", "projection.upper")  # which may be open
         wrong = np.isnan(column) if is_bound else ~np.isfinite(column)
         yield wrong.reshape(len(column), -1).any(axis=1), _not_finite(name)
-    yield from robot_faults(loop.model, experiment.start, values["p"])
+    q = states["x"][:, : loop.model.coordinate_count]
+    yield from robot_faults(loop.model, q, values["p"])
+    yield from start_faults(loop.model, q, values["p"])
     k = by_part(values)
     for own, (is_wrong, describe) in (*loop.plant.uncertainties.faults(k), *loop.law.parts.faults(k)):
         yield is_wrong, _of_part(own, describe)

@@ -23,13 +23,33 @@ def check_robots(model: Model, start: Mapping[str, float], parameters: Floats) -
     Raises:
         WmrError: if a robot cannot have them; the text describes the first one.
     """
-    for is_wrong, describe in robot_faults(model, start, np.atleast_2d(parameters)):
+    _raise_first(robot_faults, model, start, parameters)
+
+
+def check_start(model: Model, start: Mapping[str, float], parameters: Floats) -> None:
+    """Check where robots with parameters p (n_p,), or (N, n_p), start.
+
+    Raises:
+        WmrError: if one cannot start there; the text describes the first one.
+    """
+    _raise_first(start_faults, model, start, parameters)
+
+
+def _raise_first(
+    faults: Callable[[Model, Floats, Floats], Iterator[RobotFault]],
+    model: Model,
+    start: Mapping[str, float],
+    parameters: Floats,
+) -> None:
+    q = np.array([start.get(name, 0.0) for name in list(model.state_units)[: model.coordinate_count]])
+    robots = np.atleast_2d(parameters)
+    for is_wrong, describe in faults(model, np.tile(q, (len(robots), 1)), robots):
         if np.any(is_wrong):
             raise WmrError(*describe(int(np.argmax(is_wrong))))
 
 
-def robot_faults(model: Model, start: Mapping[str, float], robots: Floats) -> Iterator[RobotFault]:
-    """What no robot can have, for parameters p (N, n_p).
+def robot_faults(model: Model, q: Floats, robots: Floats) -> Iterator[RobotFault]:
+    """What no robot can have, for parameters p (N, n_p) and coordinates at the start (N, n).
 
     Masses and inertias are not negative, radii and torque gains positive, base parameters finite, and the inertia
     matrix is positive definite at the start.
@@ -53,8 +73,6 @@ def robot_faults(model: Model, start: Mapping[str, float], robots: Floats) -> It
             ", ".join(f"{name} = {value:g}" for name, value, default in changed if value != default) or "the defaults"
         )
 
-    states = list(model.state_units)[: model.coordinate_count]
-    q = np.broadcast_to([start.get(name, 0.0) for name in states], (len(robots), len(states)))
     with np.errstate(all="ignore"):
         theta, inertia = model.base_parameters(robots), model.inertia_matrix(q, robots)
     yield (
@@ -67,6 +85,21 @@ def robot_faults(model: Model, start: Mapping[str, float], robots: Floats) -> It
         ~(finite & (np.linalg.eigvalsh(inertia)[:, 0] > 0.0)),
         lambda i: (f"the inertia matrix is not positive definite with {described(i)}", "choose positive masses"),
     )
+
+
+def start_faults(model: Model, q: Floats, robots: Floats) -> Iterator[RobotFault]:
+    """Where no robot can start, for coordinates (N, n) and parameters (N, n_p): with joints beyond their limits."""
+    if not model.has("joint_stops"):
+        return
+    limited = [name for name, frame in model.metadata["geometry"]["frames"].items() if "limits" in frame]
+    left = np.asarray(model.joint_stops(q, robots)).reshape(len(robots), len(limited), 2)
+    for index, name in enumerate(limited):
+        beyond = -left[:, index].min(axis=1)
+        yield beyond > 0.0, _beyond(name, beyond)
+
+
+def _beyond(joint: str, beyond: Floats) -> Callable[[int], tuple[str, str]]:
+    return lambda i: (f"the joint {joint!r} starts {beyond[i]:.3g} rad beyond its limits", "start within them")
 
 
 def _negative(name: str, unit: str, values: Floats) -> Callable[[int], tuple[str, str]]:

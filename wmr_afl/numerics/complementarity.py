@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from wmr_afl.numerics.arrays import Array, Arrays
 
-SWEEPS = 16  # the ten shipped robots need 3 to 16 for eight digits; with one force, or forces apart, one is exact
+SWEEPS = 32  # leave less than 1e-6 of a motion for every shipped robot; with one force, or forces apart, one is exact
 
 
 def stopping_forces(

@@ -40,8 +40,8 @@ class Friction(Uncertainty):
     """F(r) = Fv r + Kd sgn r (95), of the rates r at the place where it acts.
 
     At rest sgn 0 is any number from -1 to 1: Coulomb friction holds what is pushed by less than Kd, and within a sample
-    it stops a motion but does not reverse it. `of_pseudo_velocities` takes r = v although the torque acts on the wheels,
-    as (7) and (13) read literally; sgn 0 is 0 then.
+    it stops a motion but does not reverse it. `of_pseudo_velocities` takes r = v although the torque acts on the
+    wheels, as (7) and (13) read literally; sgn 0 is 0 then.
 
     Raises:
         WmrError: if a coefficient is negative or the channels do not match.

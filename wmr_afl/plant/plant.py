@@ -23,8 +23,8 @@ class Plant(Fixed):
     """x' = f + q + g u + xi (15), integrated over one sample with the input held.
 
     Forces of resistances, as Coulomb friction, are found at the start of a sample, so that they stop what they can stop
-    within it, and are held over it as the input is. For Euler's method no rate is reversed; what the method of Runge and
-    Kutta leaves is of the order of step^2 and gone in the next samples.
+    within it, and are held over it as the input is. Euler's method then reverses no rate; what Runge and Kutta's leaves
+    is of the order of step^2 and gone in the next samples.
 
     Raises:
         ShapeError: if the start does not fit.
@@ -132,9 +132,7 @@ class Plant(Fixed):
         """The rows of J of all of them, each (n-m,)."""
         return [model.arrays.vector(row) for one in resistances for row in entries(one.matrix)]
 
-    def rate(
-        self, t: Array, x: Array, u: Array, k: SimpleNamespace, model: Model, held: Sequence[Array] = ()
-    ) -> Array:
+    def rate(self, t: Array, x: Array, u: Array, k: SimpleNamespace, model: Model, held: Sequence[Array] = ()) -> Array:
         """x' (15) at time t while the motors get u and resistances hold with the forces `held`, (2n-m,)."""
         p = self.parameters_at(t, k, model.arrays)
         w = self.load(t, x, p, k, model)

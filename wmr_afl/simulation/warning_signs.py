@@ -12,6 +12,7 @@ from wmr_afl.simulation.closed_loop import ClosedLoop
 OFTEN = 0.05  # share of samples from which limits shape a run instead of cutting off its start
 GROWN = 30.0  # times the largest first estimate, or true value: no estimate that means anything gets there
 STUCK = 0.5  # share of the last samples at a bound: the bound tells the estimate, not the robot
+AT_STOP = 1e-4  # [rad]
 LATE = 2.0 / 7.0  # the end of a run, in which it should have settled
 
 
@@ -19,7 +20,8 @@ def warning_signs(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapp
     """One line for each sign, with a remedy; `signals` (T, ...) and `numbers` of the robot, by name."""
     if not len(signals["x"]):
         return ()
-    return (*_inputs(loop, signals, numbers), *(_estimates(loop, signals, numbers) if loop.law.adaptation else ()))
+    estimates = _estimates(loop, signals, numbers) if loop.law.adaptation else ()
+    return (*_inputs(loop, signals, numbers), *_joints(loop, signals, numbers), *estimates)
 
 
 def _inputs(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:
@@ -30,6 +32,16 @@ def _inputs(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[st
     if share > OFTEN:
         remedy = "follow a slower reference, start closer to it, or lower the gains"
         yield f"a motor is at its limit in {share:.0%} of the samples; {remedy}"
+
+
+def _joints(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:
+    model = loop.model.in_library("numpy")
+    if not model.has("joint_stops"):
+        return
+    left = np.asarray(model.joint_stops(signals["x"][:, : model.coordinate_count], numbers["p"]))
+    share = float(np.mean(left.min(axis=1) < AT_STOP))
+    if share > 0.0:
+        yield f"a joint is at its stop in {share:.1%} of the samples; follow a reference that turns less sharply"
 
 
 def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:

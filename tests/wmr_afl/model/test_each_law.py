@@ -173,7 +173,8 @@ def test_batches_of_every_shape_are_compared_with_single_calls(change: Change) -
 def test_every_law_is_broken_once() -> None:
     """None is left out."""
     tried = {one[0] for one in BROKEN if isinstance(one, tuple) and isinstance(one[0], str)}
-    assert tried | {"batches agree"} == {law.name for law in LAWS}
+    elsewhere = {"batches agree", "stops of joints"}  # the latter beside robots that have some
+    assert tried | elsewhere == {law.name for law in LAWS}
 
 
 @pytest.mark.parametrize("name", [law.name for law in LAWS])
@@ -184,6 +185,7 @@ def test_a_law_says_to_which_models_it_applies(name: str) -> None:
         "regressor": (True, False), "minimal base parameters": (True, False),
         "inverse regressor": (forward.has("inverse_regressor"), True),
         "minimal inverse parameters": (forward.has("inverse_regressor"), True),
+        "stops of joints": (False, False),
     }.get(name, (True, True))  # fmt: skip
     assert (law_of(name).applies(forward), law_of(name).applies(inverse)) == expected
 

@@ -39,7 +39,7 @@ def test_of_many_robots_the_wrong_ones_are_told_apart() -> None:
     model = load_model("type_2_0")
     robots = model.parameters(m_C=[36.0, -1.0, 36.0, -3.0], r=[0.15, 0.15, -0.15, 0.15])
     found: dict[int, list[str]] = {}
-    for is_wrong, describe in robot_faults(model, {}, robots):
+    for is_wrong, describe in robot_faults(model, np.zeros((len(robots), model.coordinate_count)), robots):
         for robot in np.flatnonzero(is_wrong):
             found.setdefault(int(robot), []).append(describe(int(robot))[0])
     assert set(found) == {1, 2, 3}

@@ -47,28 +47,35 @@ def own(part: Uncertainty) -> SimpleNamespace:
     return SimpleNamespace(**part.values)
 
 
-@pytest.mark.parametrize("share", [1.0, 0.0])
-def test_friction_on_v_is_the_sum_of_its_terms(model: Model, situation: Situation, share: float) -> None:
-    """w = Fv v + Kd sgn v (95), each pseudo-velocity by its own coefficients; none at rest."""
-    count = model.pseudo_velocity_count
+STEP = 1e-7  # [s], so short that nothing is stopped
+
+
+def force_of(friction: Friction, model: Model, situation: Situation) -> Floats:
+    """w (n-m,) of what resists the robot in motion: Mbar v' changes by -w."""
+    x, u, p = situation.x[0], situation.u[0], situation.p[0]
+    plant = Plant(model, p, x, uncertainties=[friction])
+    k, n = by_part(plant.values), model.coordinate_count
+    held = plant.holding(0.0, x, u, k, model, STEP)
+    change = plant.rate(0.0, x, u, k, model, held) - model.state_derivative(x, u, np.zeros(len(x) - n), p)
+    return -model.inertia_matrix(situation.q[0], p) @ change[n:]
+
+
+def test_friction_on_v_is_the_sum_of_its_terms(model: Model, situation: Situation) -> None:
+    """w = Fv v + Kd sgn v (95), each pseudo-velocity by its own coefficients."""
+    count, v = model.pseudo_velocity_count, situation.v[0]
     viscous, coulomb = 0.1 + np.arange(count), 0.2 + 2.0 * np.arange(count)
-    friction = Friction(model, viscous, coulomb)
-    x, p = situation.x[0].copy(), situation.p[0]
-    x[model.coordinate_count :] *= share
-    v = x[model.coordinate_count :]
-    found = friction.load(0.0, x, p, own(friction), model)
-    np.testing.assert_allclose(found, viscous * v + coulomb * np.sign(v), rtol=1e-14)
+    found = force_of(Friction(model, viscous, coulomb), model, situation)
+    np.testing.assert_allclose(found, viscous * v + coulomb * np.sign(v), rtol=1e-9, atol=1e-9)
 
 
 def test_friction_on_the_wheels_acts_through_their_shafts(model: Model, situation: Situation) -> None:
     """w = X^T (Fv X v + Kd sgn X v) (10), (95)."""
     count = len(model.input_units)
     viscous, coulomb = 0.1 + np.arange(count), 0.2 + 2.0 * np.arange(count)
-    friction = Friction(model, viscous, coulomb, "wheels")
-    x, p, v = situation.x[0], situation.p[0], situation.v[0]
-    X = model.actuator_rates_matrix(situation.q[0], p)
+    X, v = model.actuator_rates_matrix(situation.q[0], situation.p[0]), situation.v[0]
     expected = X.T @ (viscous * (X @ v) + coulomb * np.sign(X @ v))
-    np.testing.assert_allclose(friction.load(0.0, x, p, own(friction), model), expected, **CLOSE)
+    found = force_of(Friction(model, viscous, coulomb, "wheels"), model, situation)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-7)
 
 
 def test_friction_read_literally_takes_v_on_the_wheels(model: Model, situation: Situation) -> None:
@@ -146,7 +153,9 @@ def test_the_plants_rate_is_the_state_equation_with_all_that_acts(model, situati
     expected = model.state_derivative(x, u, load, now)
     phi = situation.q[0][2]
     expected[:2] += 0.3 * t * np.array([-np.sin(phi), np.cos(phi)])
-    np.testing.assert_allclose(plant.rate(t, x, u, by_part(plant.values), model), expected, **CLOSE)
+    k = by_part(plant.values)
+    held = plant.holding(t, x, u, k, model, STEP)
+    np.testing.assert_allclose(plant.rate(t, x, u, k, model, held), expected, rtol=1e-9, atol=1e-8)
 
 
 def test_a_load_on_the_wheels_acts_with_the_parameters_that_hold_then(model: Model, situation: Situation) -> None:
@@ -304,7 +313,7 @@ def test_tables_build_what_they_say_in_the_order_in_which_it_acts(model: Model) 
     np.testing.assert_array_equal(limits.volts, np.full(motors, 6.0))
     np.testing.assert_array_equal(friction.viscous, np.full(motors, 0.3))
     np.testing.assert_array_equal(friction.coulomb, np.full(motors, 0.4))
-    assert (friction.place.on_wheels, friction.of_v) == (True, False)
+    assert (friction.place.on_wheels, friction.is_literal) == (True, False)
     assert disturbance.place.on_wheels
     x = np.zeros(len(model.state_units))
     assert slip.rate(1.5, x, NOTHING, model)[1] == 3.0
@@ -330,19 +339,19 @@ def test_a_payload_keeps_the_experiments_other_parameters() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "of_v"),
+    ("table", "is_literal"),
     [
         ({"on": "wheels", "of": "pseudo_velocities"}, True),
         ({"on": "wheels", "of": "wheels"}, False),
         ({"on": "wheels"}, False),
-        ({"on": "pseudo_velocities"}, True),
-        ({"on": "pseudo_velocities", "of": "pseudo_velocities"}, True),
+        ({"on": "pseudo_velocities"}, False),
+        ({"on": "pseudo_velocities", "of": "pseudo_velocities"}, False),
     ],
 )
-def test_friction_is_of_the_rates_where_it_acts_unless_told_otherwise(table: dict, of_v: bool) -> None:
+def test_friction_is_of_the_rates_where_it_acts_unless_told_otherwise(table: dict, is_literal: bool) -> None:
     """`of` = "pseudo_velocities" is the literal reading."""
     (friction,) = built({"friction": {"viscous": 1.0, **table}}, load_model("type_2_0"))
-    assert friction.of_v is of_v
+    assert friction.is_literal is is_literal
     assert friction.coulomb.tolist() == [0.0, 0.0]
     (dry,) = built({"friction": {"coulomb": 1.0, **table}}, load_model("type_2_0"))
     assert dry.viscous.tolist() == [0.0, 0.0]

@@ -12,7 +12,7 @@ from wmr_afl.simulation.closed_loop import ClosedLoop
 OFTEN = 0.05  # share of samples from which limits shape a run instead of cutting off its start
 GROWN = 30.0  # times the largest first estimate, or true value: no estimate that means anything gets there
 STUCK = 0.5  # share of the last samples at a bound: the bound tells the estimate, not the robot
-AT_STOP = 1e-4  # [rad]
+AT_STOP = 1e-3  # [rad]
 LATE = 2.0 / 7.0  # the end of a run, in which it should have settled
 
 

@@ -21,6 +21,7 @@ from .control.adaptive_form import AdaptiveForm, adaptive_form
 from .control.decoupling_determinant import Determinant, decoupling_determinant
 from .control.internal_dynamics import InternalDynamics, internal_dynamics
 from .control.linearization import Linearization, linearize
+from .control.passivity_form import PassivityForm, passivity_form
 from .description.resolve import read_robot
 from .description.robot import Robot
 from .mechanics.constraints import constraint_rows
@@ -52,8 +53,15 @@ class Derivation:
     dynamics: Dynamics
     parameters: Parameters
     adaptive: AdaptiveForm
+    reference_velocities: tuple[Symbol, ...]  # v_r
+    passivity: PassivityForm | str  # or in a sentence why there is none
     control: Control | None  # None if the description wants the model alone
     missed: dict[str, str]  # findings that were not found out, and why
+
+    @property
+    def passive(self) -> PassivityForm | None:
+        """The form for adaptation by passivity, if there is one."""
+        return None if isinstance(self.passivity, str) else self.passivity
 
     @property
     def terms(self) -> Terms:
@@ -119,14 +127,19 @@ def _derive(robot: Robot, progress: Progress) -> Derivation:
     _check_defaults(kinematics, dynamics, linearization)
     parameters = _split_parameters(kinematics)
     progress("base parameters")
-    adaptive = adaptive_form(kinematics, dynamics, parameters, attempts)
+    a = tuple(kinematics.terms.fresh(f"a_{s.name}") for s in kinematics.v)
+    v_r = tuple(kinematics.terms.fresh(f"{s.name}_ref") for s in kinematics.v)
+    passivity = passivity_form(kinematics, dynamics, a, v_r, parameters)
+    adaptive = adaptive_form(
+        kinematics, dynamics, None if isinstance(passivity, str) else passivity, a, parameters, attempts
+    )
     control = None
     if linearization is not None:
         progress("decoupling matrix")
         determinant = decoupling_determinant(kinematics, dynamics, linearization, adaptive)
         progress("internal dynamics")
         control = Control(linearization, determinant, internal_dynamics(kinematics, linearization, attempts))
-    return Derivation(robot, kinematics, mobility, dynamics, parameters, adaptive, control, attempts.missed)
+    return Derivation(robot, kinematics, mobility, dynamics, parameters, adaptive, v_r, passivity, control, attempts.missed)
 
 
 def _check_motors(kinematics: Kinematics) -> None:

@@ -41,6 +41,7 @@ def arguments_of(derivation: Derivation) -> dict[str, Argument]:
             ),
             argument("w", "generalized forces on v, Fbar + taubar_d", d.dynamics.loads),
             argument("a", "accelerations v'", d.adaptive.accelerations),
+            argument("v_r", "reference pseudo-velocities", d.reference_velocities),
             argument("p", "physical parameters", d.robot.parameters),
             argument("theta", "base parameters", d.adaptive.theta),
             argument("c", "known constants", d.known),
@@ -64,6 +65,7 @@ def units_of(derivation: Derivation) -> Units:
         unit = parse_unit(velocity)
         place = d.kinematics.v.index(v)
         units.declare(v, unit)
+        units.declare(d.reference_velocities[place], unit)
         units.declare(d.dynamics.loads[place], product(parse_unit("W"), unit, -1))
         units.declare(d.adaptive.accelerations[place], product(unit, parse_unit("s"), -1))
     for theta, expression in zip(d.adaptive.theta, d.adaptive.base_parameters, strict=True):

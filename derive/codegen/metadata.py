@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,6 +36,10 @@ class Metadata:
     parametrization: str
     inverse_base_parameters: dict[str, str]
     inverse_base_parameter_formulas: dict[str, str]
+    passivity_parameters: dict[str, str]
+    passivity_parameter_formulas: dict[str, str]
+    passivity_groups: list[dict[str, Any]]  # pseudo-velocities, or motors, and parameters that share an uncertain factor
+    passivity_obstacle: str | None  # why there are none
     geometry: dict[str, dict[str, dict[str, str | list[str]]]]
     findings: dict[str, Any]
 
@@ -50,8 +55,14 @@ def describe(derivation: Derivation) -> Metadata:
     def expanded(expression: Expr) -> str:
         return readable(sp.factor_terms(d.terms.expand(expression))) or TOO_LONG
 
-    pi = d.adaptive.inverse.base_parameters if d.adaptive.inverse else ()
-    pi_names = [f"pi{k}" for k in range(1, len(pi) + 1)]
+    def numbered(parameters: Sequence[Expr]) -> dict[str, Expr]:
+        return {f"pi{k}": parameter for k, parameter in enumerate(parameters, 1)}
+
+    def unit_table(named: Mapping[str, Expr]) -> dict[str, str]:
+        return {name: unit_text(e, units, d) for name, e in named.items()}
+
+    inverse = numbered(d.adaptive.inverse.base_parameters if d.adaptive.inverse else ())
+    pi = numbered(d.passive.parameters if d.passive else ())
     return Metadata(
         name=d.robot.name,
         title=d.robot.title,
@@ -76,8 +87,19 @@ def describe(derivation: Derivation) -> Metadata:
             s.name: expanded(e) for s, e in zip(d.adaptive.theta, d.adaptive.base_parameters, strict=True)
         },
         parametrization=d.adaptive.kind,
-        inverse_base_parameters={name: unit_text(e, units, d) for name, e in zip(pi_names, pi, strict=True)},
-        inverse_base_parameter_formulas={name: expanded(e) for name, e in zip(pi_names, pi, strict=True)},
+        inverse_base_parameters=unit_table(inverse),
+        inverse_base_parameter_formulas={name: expanded(e) for name, e in inverse.items()},
+        passivity_parameters=unit_table(pi),
+        passivity_parameter_formulas={name: expanded(e) for name, e in pi.items()},
+        passivity_groups=[
+            {
+                "rows": list(group.rows),
+                "parameters": [list(pi)[k] for k in group.parameters],
+                "scale": expanded(group.scale),
+            }
+            for group in (d.passive.groups if d.passive else ())
+        ],
+        passivity_obstacle=d.passivity if isinstance(d.passivity, str) else None,
         geometry=geometry(d.robot),
         findings=findings(derivation),
     )

@@ -11,6 +11,7 @@ from sympy import Matrix, Symbol
 from ..control.adaptive_form import AdaptiveForm
 from ..control.base_parameters import LinearMap
 from ..control.linearization import Linearization
+from ..control.passivity_form import PassivityForm
 from ..derivation import Derivation
 from .arguments import Argument, arguments_of
 
@@ -82,6 +83,11 @@ def _inverse(build: Callable[[LinearMap, AdaptiveForm], Matrix]) -> Callable[[De
     return lambda d: None if d.adaptive.inverse is None else build(d.adaptive.inverse, d.adaptive)
 
 
+def _passive(build: Callable[[PassivityForm, Derivation], Matrix | None]) -> Callable[[Derivation], Matrix | None]:
+    """What robots have whose motors act by uncertain factors on known motions."""
+    return lambda d: None if d.passive is None else build(d.passive, d)
+
+
 QUANTITIES = (
     Entry("constraint_matrix", "q p", "m n", "(2)", "A(q): A(q) q' = 0", lambda d: d.kinematics.constraint_matrix),
     Entry(
@@ -122,8 +128,38 @@ QUANTITIES = (
         "base_parameters", "p", "n_theta", "(30), (82)", "theta(p), of the form that PARAMETRIZATION names",
         lambda d: Matrix(len(d.adaptive.theta), 1, list(d.adaptive.base_parameters)),
     ),
+    Entry(
+        "allocation", "q c", "n-m n_u", "Bbar K1 = L Delta R",
+        "R(q): what the motors do, but for uncertain factors Delta(p)", _passive(lambda form, d: form.allocation),
+    ),
+    Entry(
+        "row_map", "q c", "n-m n-m", "Bbar K1 = L Delta R", "L(q): where the motors act, if R is the identity",
+        _passive(lambda form, d: form.row_map),
+    ),
+    Entry(
+        "passivity_regressor", "x v_r a c", "n-m n_pi", "(14) over Delta",
+        "Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a",
+        _passive(lambda form, d: form.regressor),
+    ),
+    Entry(
+        "momentum_regressor", "x c", "n-m n_pi", "(14) over Delta, integrated", "N: Y at v_r = 0, a = v",
+        _passive(lambda form, d: form.momentum_regressor(d.kinematics.v)),
+    ),
+    Entry(
+        "rest_regressor", "x c", "n-m n_pi", "(14) over Delta, integrated", "H: R u = d/dt (N pi) + H pi without load",
+        _passive(lambda form, d: form.rest_regressor),
+    ),
+    Entry(
+        "passivity_parameters", "p", "n_pi", "(14) over Delta", "pi(p) of R u = Y pi",
+        _passive(lambda form, d: Matrix(len(form.parameters), 1, list(form.parameters))),
+    ),
     Entry("output", "q c", "n-m", "(17)", "y = h(q)", _outputs(lambda lin, form: Matrix(list(lin.outputs.values())))),
     Entry("output_jacobian", "q c", "n-m n", "(19)", "J_h = dh/dq", _outputs(lambda lin, form: lin.output_jacobian)),
+    Entry("output_map", "q c", "n-m n-m", "(19)", "E = J_h S: y' = E v", _outputs(lambda lin, form: lin.output_map)),
+    Entry(
+        "output_map_rate", "x c", "n-m n-m", "(19)", "E' along q' = S v: y'' = E v' + E' v",
+        _outputs(lambda lin, form: lin.output_map_rate),
+    ),
     Entry("output_rate", "x c", "n-m", "(19)", "y' = L_f h = J_h S v", _outputs(lambda lin, form: lin.output_rate)),
     Entry(
         "lie_f2_h", "x c", "n-m", "(21), (86)", "L_f^2 h = d/dq(J_h S v) S v",

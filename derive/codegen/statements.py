@@ -204,8 +204,9 @@ class _Draft:
             sign, root = self._root(base)
             if sign < 0 or not root.is_Symbol or exponent not in (1, -1, 2, -2) or root in self.inlined:
                 return None
-            if exponent > 0 and self.definitions.get(root, root).is_Pow and self.definitions[root].exp == -1:
-                root, exponent = self.definitions[root].base, -exponent
+            inverted, power = self.definitions.get(root, root).as_base_exp()
+            if exponent > 0 and power == -1 and inverted.is_Symbol:
+                root, exponent = inverted, -exponent
             name = names.get(root, root.name) + ("_squared" if abs(exponent) == 2 else "")
             if name.startswith("term_"):
                 return None

@@ -85,7 +85,8 @@ def _at(derivation: Derivation, functions: list[Quantity], attempt: int) -> dict
 def _arguments(derivation: Derivation, attempt: int) -> dict[Symbol, float]:
     """Ordinary numbers, other ones for each attempt; parameters within a fifth of their defaults. Not theta."""
     d, numbers = derivation, {}
-    for place, symbols in enumerate((d.state, d.dynamics.inputs, d.dynamics.loads, d.adaptive.accelerations)):
+    vectors = (d.state, d.dynamics.inputs, d.dynamics.loads, d.adaptive.accelerations, d.reference_velocities)
+    for place, symbols in enumerate(vectors):
         for index, symbol in enumerate(symbols):
             numbers[symbol] = float(3 * _fraction(place, index, attempt) - sp.Rational(149, 100))
     for index, (symbol, default) in enumerate(d.robot.defaults.items()):

@@ -21,6 +21,7 @@ from ..mechanics.dynamics import Dynamics
 from ..mechanics.kinematics import Kinematics
 from .base_parameters import LinearMap, linear_map
 from .nonlinearity import Obstacle, obstacle
+from .passivity_form import PassivityForm
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,12 @@ class AdaptiveForm:
 
 
 def adaptive_form(
-    kinematics: Kinematics, dynamics: Dynamics, parameters: Parameters, attempts: Attempts
+    kinematics: Kinematics,
+    dynamics: Dynamics,
+    passivity: PassivityForm | None,
+    a: tuple[Symbol, ...],
+    parameters: Parameters,
+    attempts: Attempts,
 ) -> AdaptiveForm:
     """The form in base parameters that a robot admits."""
     terms, v = kinematics.terms, kinematics.v
@@ -47,8 +53,7 @@ def adaptive_form(
     def value(expression: Expr) -> float:
         return float(terms.expand(expression).xreplace(kinematics.robot.numbers))
 
-    a = tuple(terms.fresh(f"a_{s.name}") for s in v)
-    inverse = _inverse_map(kinematics, dynamics, a, parameters, value)
+    inverse = passivity.inverse(v, terms) if passivity else _inverse_map(kinematics, dynamics, a, parameters, value)
     unloaded = _without(dynamics.acceleration, dynamics.loads, kinematics)
     try:
         forward = linear_map(unloaded, dynamics.inputs, parameters, terms, value)

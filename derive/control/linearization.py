@@ -17,6 +17,7 @@ class Linearization:
     outputs: dict[str, Expr]
     output_jacobian: Matrix  # J_h, (n-m, n)
     output_map: Matrix  # E = J_h S, (n-m, n-m)
+    output_map_rate: Matrix  # E' along q' = S v, (n-m, n-m)
     output_rate: Matrix  # L_f h (19), (n-m, 1)
     lie_f2_h: Matrix  # L_f^2 h = d/dq(J_h S v) S v, (n-m, 1)
 
@@ -45,6 +46,7 @@ def linearize(kinematics: Kinematics) -> Linearization:
         outputs=dict(robot.outputs),
         output_jacobian=jacobian,
         output_map=output_map,
+        output_map_rate=rate,
         output_rate=output_map * Matrix(v),
         lie_f2_h=rate * Matrix(v),
     )

@@ -14,9 +14,10 @@ x: state [q; v]: x [m], y [m], phi [rad], beta [rad], v [m/s], sigma [rad/s]
 u: motor voltages: u_drive [V], u_steer [V]
 w: generalized forces on v, Fbar + taubar_d: w_v [N], w_sigma [N m]
 c: known constants: a [m], L [m]
-theta: base parameters: theta1 [V s/m], theta2 [V m s^2], theta3 [V s], theta4 [V s^2], theta5 [V s^2/m], theta6 [V
-    m s^2]
+v_r: reference pseudo-velocities: v_ref [m/s], sigma_ref [1/s]
 a: accelerations v': a_v [m/s^2], a_sigma [1/s^2]
+theta: base parameters: theta1 [V s^2/m], theta2 [V m s^2], theta3 [V m s^2], theta4 [V s/m], theta5 [V s^2], theta6
+    [V s]
 """
 
 from casadi import SX, Function, cos, sin
@@ -65,36 +66,36 @@ DEFAULTS = {
 }
 KNOWN = {"a": "m", "L": "m"}
 BASE_PARAMETERS = {
-    "theta1": "V s/m",
+    "theta1": "V s^2/m",
     "theta2": "V m s^2",
-    "theta3": "V s",
-    "theta4": "V s^2",
-    "theta5": "V s^2/m",
-    "theta6": "V m s^2",
+    "theta3": "V m s^2",
+    "theta4": "V s/m",
+    "theta5": "V s^2",
+    "theta6": "V s",
 }
 BASE_PARAMETER_FORMULAS = {
-    "theta1": "K2/(K1*r)",
+    "theta1": "r*(J_f/r**2 + J_r/r**2 + m + m_f + m_r)/K1",
     "theta2": "r*(I + I_f + I_r + a**2*(J_f/r**2 + m_f) + d**2*m)/K1",
-    "theta3": "K2_s/K1_s",
-    "theta4": "I_f/K1_s",
-    "theta5": "r*(J_f/r**2 + J_r/r**2 + m + m_f + m_r)/K1",
-    "theta6": "I_f*r/K1",
+    "theta3": "I_f*r/K1",
+    "theta4": "K2/(K1*r)",
+    "theta5": "I_f/K1_s",
+    "theta6": "K2_s/K1_s",
 }
 INVERSE_BASE_PARAMETERS = {
-    "pi1": "V s/m",
+    "pi1": "V s^2/m",
     "pi2": "V m s^2",
-    "pi3": "V s",
-    "pi4": "V s^2",
-    "pi5": "V s^2/m",
-    "pi6": "V m s^2",
+    "pi3": "V m s^2",
+    "pi4": "V s/m",
+    "pi5": "V s^2",
+    "pi6": "V s",
 }
 INVERSE_BASE_PARAMETER_FORMULAS = {
-    "pi1": "K2/(K1*r)",
+    "pi1": "r*(J_f/r**2 + J_r/r**2 + m + m_f + m_r)/K1",
     "pi2": "r*(I + I_f + I_r + a**2*(J_f/r**2 + m_f) + d**2*m)/K1",
-    "pi3": "K2_s/K1_s",
-    "pi4": "I_f/K1_s",
-    "pi5": "r*(J_f/r**2 + J_r/r**2 + m + m_f + m_r)/K1",
-    "pi6": "I_f*r/K1",
+    "pi3": "I_f*r/K1",
+    "pi4": "K2/(K1*r)",
+    "pi5": "I_f/K1_s",
+    "pi6": "K2_s/K1_s",
 }
 
 
@@ -474,20 +475,133 @@ def base_parameters(p):
     r, a, d, m, m_r, m_f, I, I_r, I_f, J_r, J_f, K1, K2, K1_s, K2_s = (
         p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
     )
+    r_squared_inverse = 1/(r**2)
     K1_inverse = 1/K1
     r_over_K1 = K1_inverse*r
-    r_squared_inverse = 1/(r**2)
     term_1 = r_over_K1*(J_f*r_squared_inverse + m_f)
+    mass_body = m + m_r
     inertia_body = I + I_r + d**2*m
     K1_s_inverse = 1/K1_s
-    mass_body = m + m_r
     out = _zeros((6,), p)
-    out[0] = K1_inverse*K2/r
+    out[0] = r_over_K1*(J_r*r_squared_inverse + mass_body) + term_1
     out[1] = a**2*term_1 + r_over_K1*(I_f + inertia_body)
-    out[2] = K1_s_inverse*K2_s
-    out[3] = I_f*K1_s_inverse
-    out[4] = r_over_K1*(J_r*r_squared_inverse + mass_body) + term_1
-    out[5] = I_f*r_over_K1
+    out[2] = I_f*r_over_K1
+    out[3] = K1_inverse*K2/r
+    out[4] = I_f*K1_s_inverse
+    out[5] = K1_s_inverse*K2_s
+    return out
+
+
+@_function(q=4, c=2)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (4,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_u) = (2, 2); 0 operations.
+    """
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = out[1, 1] = 1
+    return out
+
+
+@_function(x=6, v_r=2, a=2, c=2)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (6,)
+    v_r: reference pseudo-velocities, (2,)
+    a: accelerations v', (2,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_pi) = (2, 6); 20 operations.
+    """
+    beta, sigma = x[3], x[5]
+    v_ref, sigma_ref = v_r[0], v_r[1]
+    a_v, a_sigma = a[0], a[1]
+    a_ = c[0]
+    sin_beta = sin(beta)
+    cos_beta = cos(beta)
+    a_inverse = 1/a_
+    axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
+    axle_turning_v_dot_times_v_ref = axle_turning_v_dot*v_ref
+    axle_turning_v = a_inverse*sin_beta/cos_beta
+    out = _zeros((2, 6), x, v_r, a, c)
+    out[0, 0] = a_v
+    out[0, 1] = a_v*axle_turning_v**2 + axle_turning_v*axle_turning_v_dot_times_v_ref
+    out[0, 2] = a_sigma*axle_turning_v
+    out[0, 3] = v_ref
+    out[1, 4] = a_sigma + a_v*axle_turning_v + axle_turning_v_dot_times_v_ref
+    out[1, 5] = sigma_ref
+    return out
+
+
+@_function(x=6, c=2)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_pi) = (2, 6); 9 operations.
+    """
+    beta, v, sigma = x[3], x[4], x[5]
+    a = c[0]
+    axle_turning_v = sin(beta)/(a*cos(beta))
+    out = _zeros((2, 6), x, c)
+    out[0, 0] = v
+    out[0, 1] = axle_turning_v**2*v
+    out[0, 2] = axle_turning_v*sigma
+    out[1, 4] = axle_turning_v*v + sigma
+    return out
+
+
+@_function(x=6, c=2)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_pi) = (2, 6); 16 operations.
+    """
+    beta, v, sigma = x[3], x[4], x[5]
+    a = c[0]
+    sin_beta = sin(beta)
+    cos_beta = cos(beta)
+    a_inverse = 1/a
+    axle_turning_v = a_inverse*sin_beta/cos_beta
+    axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
+    out = _zeros((2, 6), x, c)
+    out[0, 1] = -axle_turning_v*axle_turning_v_dot*v
+    out[0, 2] = -axle_turning_v_dot*sigma
+    out[0, 3] = v
+    out[1, 5] = sigma
+    return out
+
+
+@_function(p=16)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (16,)
+    Returns: shape (n_pi,) = (6,); 27 operations.
+    """
+    r, a, d, m, m_r, m_f, I, I_r, I_f, J_r, J_f, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
+    r_squared_inverse = 1/(r**2)
+    K1_inverse = 1/K1
+    r_over_K1 = K1_inverse*r
+    term_1 = r_over_K1*(J_f*r_squared_inverse + m_f)
+    mass_body = m + m_r
+    inertia_body = I + I_r + d**2*m
+    K1_s_inverse = 1/K1_s
+    out = _zeros((6,), p)
+    out[0] = r_over_K1*(J_r*r_squared_inverse + mass_body) + term_1
+    out[1] = a**2*term_1 + r_over_K1*(I_f + inertia_body)
+    out[2] = I_f*r_over_K1
+    out[3] = K1_inverse*K2/r
+    out[4] = I_f*K1_s_inverse
+    out[5] = K1_s_inverse*K2_s
     return out
 
 
@@ -525,6 +639,67 @@ def output_jacobian(q, c):
     out[0, 3] = -term_1
     out[1, 2] = a*cos(phi) + term_2
     out[1, 3] = term_2
+    return out
+
+
+@_function(q=4, c=2)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (4,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n-m) = (2, 2); 21 operations.
+    """
+    phi, beta = q[2], q[3]
+    a, L = c[0], c[1]
+    sin_phi = sin(phi)
+    cos_phi = cos(phi)
+    y1_dot_sigma = -L*sin(beta + phi)
+    axle_turning_v = sin(beta)/(a*cos(beta))
+    y2_dot_sigma = L*cos(beta + phi)
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = axle_turning_v*(-a*sin_phi + y1_dot_sigma) + cos_phi
+    out[0, 1] = y1_dot_sigma
+    out[1, 0] = axle_turning_v*(a*cos_phi + y2_dot_sigma) + sin_phi
+    out[1, 1] = y2_dot_sigma
+    return out
+
+
+@_function(x=6, c=2)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (6,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n-m) = (2, 2); 48 operations.
+    """
+    phi, beta, v, sigma = x[2], x[3], x[4], x[5]
+    a, L = c[0], c[1]
+    sin_phi = sin(phi)
+    term_1 = L*cos(beta + phi)
+    term_2 = sigma*term_1
+    term_3 = L*sin(beta + phi)
+    term_4 = -a*sin_phi - term_3
+    cos_phi = cos(phi)
+    term_5 = a*cos_phi + term_1
+    sin_beta = sin(beta)
+    cos_beta = cos(beta)
+    a_inverse = 1/a
+    axle_turning_v = a_inverse*sin_beta/cos_beta
+    axle_turning_v_times_v = axle_turning_v*v
+    axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
+    y1_dot_v_dot = (
+        -axle_turning_v*term_2 + axle_turning_v_dot*term_4 + axle_turning_v_times_v*(-axle_turning_v*term_5 - sin_phi)
+    )
+    term_6 = sigma*term_3
+    y2_dot_v_dot = (
+        -axle_turning_v*term_6 + axle_turning_v_dot*term_5 + axle_turning_v_times_v*(axle_turning_v*term_4 + cos_phi)
+    )
+    out = _zeros((2, 2), x, c)
+    out[0, 0] = y1_dot_v_dot
+    out[0, 1] = -term_1*axle_turning_v_times_v - term_2
+    out[1, 0] = y2_dot_v_dot
+    out[1, 1] = -term_3*axle_turning_v_times_v - term_6
     return out
 
 
@@ -606,17 +781,17 @@ def lie_q_lie_f_h(x, theta, c):
     a_inverse = 1/a
     axle_turning_v = a_inverse*sin_beta/cos_beta
     axle_turning_v_squared = axle_turning_v**2
-    u_drive_per_v = axle_turning_v_squared*theta2 + theta5
-    effort_determinant = -axle_turning_v_squared*theta4*theta6 + theta4*u_drive_per_v
+    u_drive_per_v = axle_turning_v_squared*theta2 + theta1
+    effort_determinant = -axle_turning_v_squared*theta3*theta5 + theta5*u_drive_per_v
     effort_determinant_inverse = 1/effort_determinant
     axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
     axle_turning_v_dot_times_v = axle_turning_v_dot*v
-    u_steer_hold = sigma*theta3 + axle_turning_v_dot_times_v*theta4
+    u_steer_hold = sigma*theta6 + axle_turning_v_dot_times_v*theta5
     term_1 = effort_determinant_inverse*u_steer_hold
-    u_drive_hold = axle_turning_v*axle_turning_v_dot_times_v*theta2 + theta1*v
-    term_2 = effort_determinant_inverse*theta4*u_drive_hold
+    u_drive_hold = axle_turning_v*axle_turning_v_dot_times_v*theta2 + theta4*v
+    term_2 = effort_determinant_inverse*theta5*u_drive_hold
     term_3 = axle_turning_v*term_2 - term_1*u_drive_per_v
-    term_4 = axle_turning_v*term_1*theta6 - term_2
+    term_4 = axle_turning_v*term_1*theta3 - term_2
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     y1_dot_sigma = -L*sin(beta + phi)
@@ -639,25 +814,25 @@ def decoupling_matrix(x, theta, c):
     Returns: shape (n-m, n_u) = (2, 2); 49 operations.
     """
     phi, beta = x[2], x[3]
-    theta2, theta4, theta5, theta6 = theta[1], theta[3], theta[4], theta[5]
+    theta1, theta2, theta3, theta5 = theta[0], theta[1], theta[2], theta[4]
     a, L = c[0], c[1]
     axle_turning_v = sin(beta)/(a*cos(beta))
     axle_turning_v_squared = axle_turning_v**2
-    u_drive_per_v = axle_turning_v_squared*theta2 + theta5
-    effort_determinant = -axle_turning_v_squared*theta4*theta6 + theta4*u_drive_per_v
+    u_drive_per_v = axle_turning_v_squared*theta2 + theta1
+    effort_determinant = -axle_turning_v_squared*theta3*theta5 + theta5*u_drive_per_v
     effort_determinant_inverse = 1/effort_determinant
-    term_1 = axle_turning_v*effort_determinant_inverse*theta4
+    term_1 = axle_turning_v*effort_determinant_inverse*theta5
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     y1_dot_sigma = -L*sin(beta + phi)
     y1_dot_v = axle_turning_v*(-a*sin_phi + y1_dot_sigma) + cos_phi
-    term_2 = axle_turning_v*effort_determinant_inverse*theta6
+    term_2 = axle_turning_v*effort_determinant_inverse*theta3
     y2_dot_sigma = L*cos(beta + phi)
     y2_dot_v = axle_turning_v*(a*cos_phi + y2_dot_sigma) + sin_phi
     out = _zeros((2, 2), x, theta, c)
-    out[0, 0] = effort_determinant_inverse*theta4*y1_dot_v - term_1*y1_dot_sigma
+    out[0, 0] = effort_determinant_inverse*theta5*y1_dot_v - term_1*y1_dot_sigma
     out[0, 1] = effort_determinant_inverse*u_drive_per_v*y1_dot_sigma - term_2*y1_dot_v
-    out[1, 0] = effort_determinant_inverse*theta4*y2_dot_v - term_1*y2_dot_sigma
+    out[1, 0] = effort_determinant_inverse*theta5*y2_dot_v - term_1*y2_dot_sigma
     out[1, 1] = effort_determinant_inverse*u_drive_per_v*y2_dot_sigma - term_2*y2_dot_v
     return out
 
@@ -681,12 +856,12 @@ def inverse_regressor(x, a, c):
     axle_turning_v_dot_times_v = axle_turning_v_dot*v
     axle_turning_v = a_inverse*sin_beta/cos_beta
     out = _zeros((2, 6), x, a, c)
-    out[0, 0] = v
+    out[0, 0] = a_v
     out[0, 1] = a_v*axle_turning_v**2 + axle_turning_v*axle_turning_v_dot_times_v
-    out[0, 4] = a_v
-    out[0, 5] = a_sigma*axle_turning_v
-    out[1, 2] = sigma
-    out[1, 3] = a_sigma + a_v*axle_turning_v + axle_turning_v_dot_times_v
+    out[0, 2] = a_sigma*axle_turning_v
+    out[0, 3] = v
+    out[1, 4] = a_sigma + a_v*axle_turning_v + axle_turning_v_dot_times_v
+    out[1, 5] = sigma
     return out
 
 
@@ -700,18 +875,18 @@ def inverse_base_parameters(p):
     r, a, d, m, m_r, m_f, I, I_r, I_f, J_r, J_f, K1, K2, K1_s, K2_s = (
         p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
     )
+    r_squared_inverse = 1/(r**2)
     K1_inverse = 1/K1
     r_over_K1 = K1_inverse*r
-    r_squared_inverse = 1/(r**2)
     term_1 = r_over_K1*(J_f*r_squared_inverse + m_f)
+    mass_body = m + m_r
     inertia_body = I + I_r + d**2*m
     K1_s_inverse = 1/K1_s
-    mass_body = m + m_r
     out = _zeros((6,), p)
-    out[0] = K1_inverse*K2/r
+    out[0] = r_over_K1*(J_r*r_squared_inverse + mass_body) + term_1
     out[1] = a**2*term_1 + r_over_K1*(I_f + inertia_body)
-    out[2] = K1_s_inverse*K2_s
-    out[3] = I_f*K1_s_inverse
-    out[4] = r_over_K1*(J_r*r_squared_inverse + mass_body) + term_1
-    out[5] = I_f*r_over_K1
+    out[2] = I_f*r_over_K1
+    out[3] = K1_inverse*K2/r
+    out[4] = I_f*K1_s_inverse
+    out[5] = K1_s_inverse*K2_s
     return out

@@ -16,6 +16,8 @@ u: motor voltages: u_fl [V], u_fr [V], u_rl [V], u_rr [V]
 w: generalized forces on v, Fbar + taubar_d: w_platform_forward [N], w_platform_lateral [N], w_platform_turning [N
     m]
 c: known constants: none
+v_r: reference pseudo-velocities: platform_forward_ref [m/s], platform_lateral_ref [m/s], platform_turning_ref [1/s]
+a: accelerations v': a_platform_forward [m/s^2], a_platform_lateral [m/s^2], a_platform_turning [1/s^2]
 theta: base parameters: theta1 [1/s], theta2 [m], theta3 [1], theta4 [1/s], theta5 [m/s], theta6 [1], theta7 [1/(m
     s)], theta8 [1/s], theta9 [1/m], theta10 [m/(V s^2)], theta11 [m/(V s^2)], theta12 [m/(V s^2)], theta13 [1/(V
     s^2)], theta14 [1/(V s^2)]
@@ -646,6 +648,122 @@ def base_parameters(p):
 
 
 @_function(q=3, c=0)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (3,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_u) = (3, 4); 1 operation.
+    """
+    out = _zeros((3, 4), q, c)
+    out[0, 0] = out[0, 1] = out[0, 2] = out[0, 3] = out[1, 1] = out[1, 2] = out[2, 1] = out[2, 3] = 1
+    out[1, 0] = out[1, 3] = out[2, 0] = out[2, 2] = -1
+    return out
+
+
+@_function(x=6, v_r=3, a=3, c=0)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (6,)
+    v_r: reference pseudo-velocities, (3,)
+    a: accelerations v', (3,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_pi) = (3, 7); 6 operations.
+    """
+    platform_turning = x[5]
+    platform_forward_ref, platform_lateral_ref, platform_turning_ref = v_r[0], v_r[1], v_r[2]
+    a_platform_forward, a_platform_lateral, a_platform_turning = a[0], a[1], a[2]
+    term_1 = platform_forward_ref*platform_turning
+    out = _zeros((3, 7), x, v_r, a, c)
+    out[0, 0] = a_platform_forward
+    out[0, 1] = -platform_turning*platform_turning_ref
+    out[0, 2] = platform_forward_ref
+    out[0, 3] = -platform_lateral_ref*platform_turning
+    out[1, 0] = a_platform_lateral
+    out[1, 1] = out[2, 5] = a_platform_turning
+    out[1, 2] = platform_lateral_ref
+    out[1, 3] = term_1
+    out[2, 4] = a_platform_lateral + term_1
+    out[2, 6] = platform_turning_ref
+    return out
+
+
+@_function(x=6, c=0)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_pi) = (3, 7); 0 operations.
+    """
+    platform_forward, platform_lateral, platform_turning = x[3], x[4], x[5]
+    out = _zeros((3, 7), x, c)
+    out[0, 0] = platform_forward
+    out[1, 0] = out[2, 4] = platform_lateral
+    out[1, 1] = out[2, 5] = platform_turning
+    return out
+
+
+@_function(x=6, c=0)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_pi) = (3, 7); 5 operations.
+    """
+    platform_forward, platform_lateral, platform_turning = x[3], x[4], x[5]
+    out = _zeros((3, 7), x, c)
+    out[0, 1] = -platform_turning**2
+    out[0, 2] = platform_forward
+    out[0, 3] = -platform_lateral*platform_turning
+    out[1, 2] = platform_lateral
+    out[1, 3] = out[2, 4] = platform_forward*platform_turning
+    out[2, 6] = platform_turning
+    return out
+
+
+@_function(p=11)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (11,)
+    Returns: shape (n_pi,) = (7,); 44 operations.
+    """
+    r, a, b, d, m, m_w, I, I_w, J, K1, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10]
+    r_over_K1 = r/K1
+    term_1 = 4/r**2
+    term_2 = J*term_1
+    term_3 = 4*m_w
+    mass_platform = m + term_3
+    inertia_platform_forward_platform_forward = mass_platform + term_2
+    term_4 = d*m*r_over_K1
+    coriolis_platform_forward_platform_forward = K2*term_1
+    term_5 = 1/(a + b)
+    term_6 = r_over_K1*term_5
+    term_7 = sqrt(2)/2
+    term_8 = a*term_7 + b*term_7
+    term_9 = term_8**2
+    term_10 = term_8**2
+    inertia_platform = I + 4*I_w + d**2*m + term_3*(a**2 + b**2)
+    inertia_platform_turning_platform_turning = inertia_platform + term_9*term_2 + term_10*term_2
+    coriolis_platform_turning_platform_turning = (
+        coriolis_platform_forward_platform_forward*term_9 + coriolis_platform_forward_platform_forward*term_10
+    )
+    out = _zeros((7,), p)
+    out[0] = inertia_platform_forward_platform_forward*r_over_K1
+    out[1] = term_4
+    out[2] = coriolis_platform_forward_platform_forward*r_over_K1
+    out[3] = mass_platform*r_over_K1
+    out[4] = term_4*term_5
+    out[5] = inertia_platform_turning_platform_turning*term_6
+    out[6] = coriolis_platform_turning_platform_turning*term_6
+    return out
+
+
+@_function(q=3, c=0)
 def output(q, c):
     """y = h(q); equation (17).
 
@@ -671,6 +789,41 @@ def output_jacobian(q, c):
     """
     out = _zeros((3, 3), q, c)
     out[0, 0] = out[1, 1] = out[2, 2] = 1
+    return out
+
+
+@_function(q=3, c=0)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (3,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n-m) = (3, 3); 3 operations.
+    """
+    phi = q[2]
+    sin_phi = sin(phi)
+    out = _zeros((3, 3), q, c)
+    out[0, 0] = out[1, 1] = cos(phi)
+    out[0, 1] = -sin_phi
+    out[1, 0] = sin_phi
+    out[2, 2] = 1
+    return out
+
+
+@_function(x=6, c=0)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (6,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n-m) = (3, 3); 6 operations.
+    """
+    phi, platform_turning = x[2], x[5]
+    term_1 = cos(phi)*platform_turning
+    out = _zeros((3, 3), x, c)
+    out[0, 0] = out[1, 1] = -platform_turning*sin(phi)
+    out[0, 1] = -term_1
+    out[1, 0] = term_1
     return out
 
 

@@ -14,9 +14,10 @@ x: state [q; v]: x [m], y [m], phi [rad], beta1 [rad], beta2 [rad], beta3 [rad],
 u: motor voltages: u_r [V], u_l [V]
 w: generalized forces on v, Fbar + taubar_d: w_v [N], w_omega [N m]
 c: known constants: L [m], d_1 [m], d_2 [m], d_3 [m]
-theta: base parameters: theta1 [V s], theta2 [V s/m], theta3 [V s^2], theta4 [V s^2/m], theta5 [V m s^2], theta6 [V
-    m s^2], theta7 [V s^2/m], theta8 [V m s^2], theta9 [V s^2]
+v_r: reference pseudo-velocities: v_ref [m/s], omega_ref [1/s]
 a: accelerations v': a_v [m/s^2], a_omega [1/s^2]
+theta: base parameters: theta1 [V m s^2], theta2 [V m s^2], theta3 [V s^2/m], theta4 [V m s^2], theta5 [V s/m],
+    theta6 [V s^2], theta7 [V s^2], theta8 [V s^2/m], theta9 [V s]
 """
 
 import functools
@@ -84,48 +85,48 @@ DEFAULTS = {
 }
 KNOWN = {"L": "m", "d_1": "m", "d_2": "m", "d_3": "m"}
 BASE_PARAMETERS = {
-    "theta1": "V s",
-    "theta2": "V s/m",
-    "theta3": "V s^2",
-    "theta4": "V s^2/m",
-    "theta5": "V m s^2",
-    "theta6": "V m s^2",
-    "theta7": "V s^2/m",
-    "theta8": "V m s^2",
-    "theta9": "V s^2",
+    "theta1": "V m s^2",
+    "theta2": "V m s^2",
+    "theta3": "V s^2/m",
+    "theta4": "V m s^2",
+    "theta5": "V s/m",
+    "theta6": "V s^2",
+    "theta7": "V s^2",
+    "theta8": "V s^2/m",
+    "theta9": "V s",
 }
 BASE_PARAMETER_FORMULAS = {
-    "theta1": "K2*b/(K1*r)",
-    "theta2": "K2/(K1*r)",
-    "theta3": "d*m_C*r/(2*K1)",
-    "theta4": "d*m_C*r/(2*K1*b)",
-    "theta5": "r*(I_1 + d_1**2*(m_C + 2*m_w))/(2*K1)",
-    "theta6": "r*(I_2 + d_2**2*m_1 + d_2**2*(m_C + 2*m_w))/(2*K1)",
-    "theta7": "r*(m_1 + m_2 + m_3 + m_C + 2*m_w)/(2*K1)",
-    "theta8": "r*(I_3 + d_3**2*m_1 + d_3**2*m_2 + d_3**2*(m_C + 2*m_w))/(2*K1)",
-    "theta9": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C)/(2*K1*b)",
+    "theta1": "r*(I_1 + d_1**2*(m_C + 2*m_w))/K1",
+    "theta2": "r*(I_2 + d_2**2*m_1 + d_2**2*(m_C + 2*m_w))/K1",
+    "theta3": "r*(m_1 + m_2 + m_3 + m_C + 2*m_w)/K1",
+    "theta4": "r*(I_3 + d_3**2*m_1 + d_3**2*m_2 + d_3**2*(m_C + 2*m_w))/K1",
+    "theta5": "2*K2/(K1*r)",
+    "theta6": "d*m_C*r/K1",
+    "theta7": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C)/(K1*b)",
+    "theta8": "d*m_C*r/(K1*b)",
+    "theta9": "2*K2*b/(K1*r)",
 }
 INVERSE_BASE_PARAMETERS = {
-    "pi1": "V s",
-    "pi2": "V s/m",
-    "pi3": "V s^2",
-    "pi4": "V s^2/m",
-    "pi5": "V m s^2",
-    "pi6": "V m s^2",
-    "pi7": "V s^2/m",
-    "pi8": "V m s^2",
-    "pi9": "V s^2",
+    "pi1": "V m s^2",
+    "pi2": "V m s^2",
+    "pi3": "V s^2/m",
+    "pi4": "V m s^2",
+    "pi5": "V s/m",
+    "pi6": "V s^2",
+    "pi7": "V s^2",
+    "pi8": "V s^2/m",
+    "pi9": "V s",
 }
 INVERSE_BASE_PARAMETER_FORMULAS = {
-    "pi1": "K2*b/(K1*r)",
-    "pi2": "K2/(K1*r)",
-    "pi3": "d*m_C*r/(2*K1)",
-    "pi4": "d*m_C*r/(2*K1*b)",
-    "pi5": "r*(I_1 + d_1**2*(m_C + 2*m_w))/(2*K1)",
-    "pi6": "r*(I_2 + d_2**2*m_1 + d_2**2*(m_C + 2*m_w))/(2*K1)",
-    "pi7": "r*(m_1 + m_2 + m_3 + m_C + 2*m_w)/(2*K1)",
-    "pi8": "r*(I_3 + d_3**2*m_1 + d_3**2*m_2 + d_3**2*(m_C + 2*m_w))/(2*K1)",
-    "pi9": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C)/(2*K1*b)",
+    "pi1": "r*(I_1 + d_1**2*(m_C + 2*m_w))/K1",
+    "pi2": "r*(I_2 + d_2**2*m_1 + d_2**2*(m_C + 2*m_w))/K1",
+    "pi3": "r*(m_1 + m_2 + m_3 + m_C + 2*m_w)/K1",
+    "pi4": "r*(I_3 + d_3**2*m_1 + d_3**2*m_2 + d_3**2*(m_C + 2*m_w))/K1",
+    "pi5": "2*K2/(K1*r)",
+    "pi6": "d*m_C*r/K1",
+    "pi7": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C)/(K1*b)",
+    "pi8": "d*m_C*r/(K1*b)",
+    "pi9": "2*K2*b/(K1*r)",
 }
 
 
@@ -758,29 +759,232 @@ def base_parameters(p):
         p[18]
     )
     K1_inverse = 1/K1
-    term_1 = K1_inverse*r/2
-    term_2 = term_1/b
-    b_squared = b**2
-    coriolis_omega_omega = 2*K2*b_squared/r**2
-    d_times_m_C = d*m_C
-    term_3 = 2*m_w
-    mass_tractor = m_C + term_3
-    term_4 = mass_tractor*term_1
+    r_over_K1 = K1_inverse*r
+    term_1 = 2*m_w
+    mass_tractor = m_C + term_1
+    mass_tractor_times_r_over_K1 = mass_tractor*r_over_K1
     d_2_squared = d_2**2
-    term_5 = m_1*term_1
-    term_6 = m_2*term_1
+    m_1_times_r_over_K1 = m_1*r_over_K1
+    m_2_times_r_over_K1 = m_2*r_over_K1
     d_3_squared = d_3**2
-    inertia_tractor = I_C + 2*I_m + b_squared*term_3 + d**2*m_C
+    term_2 = 2*K2
+    term_3 = d*m_C*r_over_K1
+    b_inverse = 1/b
+    r_over_K1_over_b = b_inverse*r_over_K1
+    b_squared = b**2
+    inertia_tractor = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
+    coriolis_omega_omega = b_squared*term_2/r**2
     out = _zeros((9,), p)
-    out[0] = coriolis_omega_omega*term_2
-    out[1] = K1_inverse*K2/r
-    out[2] = term_1*d_times_m_C
-    out[3] = term_2*d_times_m_C
-    out[4] = I_1*term_1 + d_1**2*term_4
-    out[5] = I_2*term_1 + d_2_squared*term_4 + d_2_squared*term_5
-    out[6] = m_3*term_1 + term_6 + term_4 + term_5
-    out[7] = I_3*term_1 + d_3_squared*term_6 + d_3_squared*term_4 + d_3_squared*term_5
-    out[8] = inertia_tractor*term_2
+    out[0] = I_1*r_over_K1 + d_1**2*mass_tractor_times_r_over_K1
+    out[1] = I_2*r_over_K1 + d_2_squared*mass_tractor_times_r_over_K1 + d_2_squared*m_1_times_r_over_K1
+    out[2] = m_3*r_over_K1 + mass_tractor_times_r_over_K1 + m_1_times_r_over_K1 + m_2_times_r_over_K1
+    out[3] = (
+        I_3*r_over_K1 + d_3_squared*mass_tractor_times_r_over_K1 + d_3_squared*m_1_times_r_over_K1
+        + d_3_squared*m_2_times_r_over_K1
+    )
+    out[4] = K1_inverse*term_2/r
+    out[5] = term_3
+    out[6] = inertia_tractor*r_over_K1_over_b
+    out[7] = b_inverse*term_3
+    out[8] = coriolis_omega_omega*r_over_K1_over_b
+    return out
+
+
+@_function(q=6, c=4)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (6,)
+    c: known constants, (4,)
+    Returns: shape (n-m, n_u) = (2, 2); 1 operation.
+    """
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = out[0, 1] = out[1, 0] = 1
+    out[1, 1] = -1
+    return out
+
+
+@_function(x=8, v_r=2, a=2, c=4)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (8,)
+    v_r: reference pseudo-velocities, (2,)
+    a: accelerations v', (2,)
+    c: known constants, (4,)
+    Returns: shape (n-m, n_pi) = (2, 9); 72 operations.
+    """
+    beta1, beta2, beta3, v, omega = x[3], x[4], x[5], x[6], x[7]
+    v_ref, omega_ref = v_r[0], v_r[1]
+    a_v, a_omega = a[0], a[1]
+    d_1, d_2, d_3 = c[1], c[2], c[3]
+    sin_beta1 = sin(beta1)
+    d_1_inverse = 1/d_1
+    trailer_1_turning_v = -d_1_inverse*sin_beta1
+    cos_beta1 = cos(beta1)
+    beta1_dot = -omega + trailer_1_turning_v*v
+    trailer_1_turning_v_dot = -beta1_dot*cos_beta1*d_1_inverse
+    sin_beta2 = sin(beta2)
+    d_2_inverse = 1/d_2
+    sin_beta2_over_d_2 = d_2_inverse*sin_beta2
+    trailer_2_turning_v = -cos_beta1*sin_beta2_over_d_2
+    cos_beta2 = cos(beta2)
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    beta1_dot_times_sin_beta1 = beta1_dot*sin_beta1
+    beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
+    beta2_dot_v_times_v = beta2_dot_v*v
+    trailer_2_turning_v_dot = (
+        -d_2_inverse*cos_beta1_times_cos_beta2*beta2_dot_v_times_v + sin_beta2_over_d_2*beta1_dot_times_sin_beta1
+    )
+    cos_beta3 = cos(beta3)
+    trailer_3_forward_v = cos_beta3*cos_beta1_times_cos_beta2
+    sin_beta3 = sin(beta3)
+    term_1 = sin_beta3*cos_beta1_times_cos_beta2
+    term_2 = cos_beta2*beta1_dot_times_sin_beta1
+    term_3 = cos_beta1*sin_beta2*beta2_dot_v_times_v
+    d_3_inverse = 1/d_3
+    trailer_3_turning_v = -d_3_inverse*term_1
+    beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
+    beta3_dot_v_times_v = beta3_dot_v*v
+    trailer_3_forward_v_dot = -cos_beta3*term_2 - cos_beta3*term_3 - beta3_dot_v_times_v*term_1
+    sin_beta3_over_d_3 = d_3_inverse*sin_beta3
+    trailer_3_turning_v_dot = (
+        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + sin_beta3_over_d_3*term_2 + sin_beta3_over_d_3*term_3
+    )
+    out = _zeros((2, 9), x, v_r, a, c)
+    out[0, 0] = a_v*trailer_1_turning_v**2 + trailer_1_turning_v*trailer_1_turning_v_dot*v_ref
+    out[0, 1] = a_v*trailer_2_turning_v**2 + trailer_2_turning_v*trailer_2_turning_v_dot*v_ref
+    out[0, 2] = a_v*trailer_3_forward_v**2 + trailer_3_forward_v*trailer_3_forward_v_dot*v_ref
+    out[0, 3] = a_v*trailer_3_turning_v**2 + trailer_3_turning_v*trailer_3_turning_v_dot*v_ref
+    out[0, 4] = v_ref
+    out[0, 5] = -omega*omega_ref
+    out[1, 6] = a_omega
+    out[1, 7] = omega*v_ref
+    out[1, 8] = omega_ref
+    return out
+
+
+@_function(x=8, c=4)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (8,)
+    c: known constants, (4,)
+    Returns: shape (n-m, n_pi) = (2, 9); 24 operations.
+    """
+    beta1, beta2, beta3, v, omega = x[3], x[4], x[5], x[6], x[7]
+    d_1, d_2, d_3 = c[1], c[2], c[3]
+    trailer_1_turning_v = -sin(beta1)/d_1
+    cos_beta1 = cos(beta1)
+    trailer_2_turning_v = -cos_beta1*sin(beta2)/d_2
+    term_1 = cos_beta1*cos(beta2)
+    trailer_3_forward_v = cos(beta3)*term_1
+    trailer_3_turning_v = -sin(beta3)*term_1/d_3
+    out = _zeros((2, 9), x, c)
+    out[0, 0] = trailer_1_turning_v**2*v
+    out[0, 1] = trailer_2_turning_v**2*v
+    out[0, 2] = trailer_3_forward_v**2*v
+    out[0, 3] = trailer_3_turning_v**2*v
+    out[1, 6] = omega
+    return out
+
+
+@_function(x=8, c=4)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (8,)
+    c: known constants, (4,)
+    Returns: shape (n-m, n_pi) = (2, 9); 64 operations.
+    """
+    beta1, beta2, beta3, v, omega = x[3], x[4], x[5], x[6], x[7]
+    d_1, d_2, d_3 = c[1], c[2], c[3]
+    sin_beta1 = sin(beta1)
+    d_1_inverse = 1/d_1
+    trailer_1_turning_v = -d_1_inverse*sin_beta1
+    cos_beta1 = cos(beta1)
+    beta1_dot = -omega + trailer_1_turning_v*v
+    trailer_1_turning_v_dot = -beta1_dot*cos_beta1*d_1_inverse
+    sin_beta2 = sin(beta2)
+    d_2_inverse = 1/d_2
+    sin_beta2_over_d_2 = d_2_inverse*sin_beta2
+    trailer_2_turning_v = -cos_beta1*sin_beta2_over_d_2
+    cos_beta2 = cos(beta2)
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    beta1_dot_times_sin_beta1 = beta1_dot*sin_beta1
+    beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
+    beta2_dot_v_times_v = beta2_dot_v*v
+    trailer_2_turning_v_dot = (
+        -d_2_inverse*cos_beta1_times_cos_beta2*beta2_dot_v_times_v + sin_beta2_over_d_2*beta1_dot_times_sin_beta1
+    )
+    cos_beta3 = cos(beta3)
+    trailer_3_forward_v = cos_beta3*cos_beta1_times_cos_beta2
+    sin_beta3 = sin(beta3)
+    term_1 = sin_beta3*cos_beta1_times_cos_beta2
+    term_2 = cos_beta2*beta1_dot_times_sin_beta1
+    term_3 = cos_beta1*sin_beta2*beta2_dot_v_times_v
+    d_3_inverse = 1/d_3
+    trailer_3_turning_v = -d_3_inverse*term_1
+    beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
+    beta3_dot_v_times_v = beta3_dot_v*v
+    trailer_3_forward_v_dot = -cos_beta3*term_2 - cos_beta3*term_3 - beta3_dot_v_times_v*term_1
+    sin_beta3_over_d_3 = d_3_inverse*sin_beta3
+    trailer_3_turning_v_dot = (
+        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + sin_beta3_over_d_3*term_2 + sin_beta3_over_d_3*term_3
+    )
+    out = _zeros((2, 9), x, c)
+    out[0, 0] = -trailer_1_turning_v*trailer_1_turning_v_dot*v
+    out[0, 1] = -trailer_2_turning_v*trailer_2_turning_v_dot*v
+    out[0, 2] = -trailer_3_forward_v*trailer_3_forward_v_dot*v
+    out[0, 3] = -trailer_3_turning_v*trailer_3_turning_v_dot*v
+    out[0, 4] = v
+    out[0, 5] = -omega**2
+    out[1, 7] = omega*v
+    out[1, 8] = omega
+    return out
+
+
+@_function(p=19)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (19,)
+    Returns: shape (n_pi,) = (9,); 50 operations.
+    """
+    r, b, d, m_C, m_w, I_m, I_C, d_1, m_1, I_1, d_2, m_2, I_2, d_3, m_3, I_3, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16], p[17],
+        p[18]
+    )
+    K1_inverse = 1/K1
+    r_over_K1 = K1_inverse*r
+    term_1 = 2*m_w
+    mass_tractor = m_C + term_1
+    mass_tractor_times_r_over_K1 = mass_tractor*r_over_K1
+    d_2_squared = d_2**2
+    m_1_times_r_over_K1 = m_1*r_over_K1
+    m_2_times_r_over_K1 = m_2*r_over_K1
+    d_3_squared = d_3**2
+    term_2 = 2*K2
+    term_3 = d*m_C*r_over_K1
+    b_inverse = 1/b
+    r_over_K1_over_b = b_inverse*r_over_K1
+    b_squared = b**2
+    inertia_tractor = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
+    coriolis_omega_omega = b_squared*term_2/r**2
+    out = _zeros((9,), p)
+    out[0] = I_1*r_over_K1 + d_1**2*mass_tractor_times_r_over_K1
+    out[1] = I_2*r_over_K1 + d_2_squared*mass_tractor_times_r_over_K1 + d_2_squared*m_1_times_r_over_K1
+    out[2] = m_3*r_over_K1 + mass_tractor_times_r_over_K1 + m_1_times_r_over_K1 + m_2_times_r_over_K1
+    out[3] = (
+        I_3*r_over_K1 + d_3_squared*mass_tractor_times_r_over_K1 + d_3_squared*m_1_times_r_over_K1
+        + d_3_squared*m_2_times_r_over_K1
+    )
+    out[4] = K1_inverse*term_2/r
+    out[5] = term_3
+    out[6] = inertia_tractor*r_over_K1_over_b
+    out[7] = b_inverse*term_3
+    out[8] = coriolis_omega_omega*r_over_K1_over_b
     return out
 
 
@@ -814,6 +1018,46 @@ def output_jacobian(q, c):
     out[0, 0] = out[1, 1] = 1
     out[0, 2] = -L*sin(phi)
     out[1, 2] = L*cos(phi)
+    return out
+
+
+@_function(q=6, c=4)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (6,)
+    c: known constants, (4,)
+    Returns: shape (n-m, n-m) = (2, 2); 5 operations.
+    """
+    phi = q[2]
+    L = c[0]
+    cos_phi = cos(phi)
+    sin_phi = sin(phi)
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = cos_phi
+    out[0, 1] = -L*sin_phi
+    out[1, 0] = sin_phi
+    out[1, 1] = L*cos_phi
+    return out
+
+
+@_function(x=8, c=4)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (8,)
+    c: known constants, (4,)
+    Returns: shape (n-m, n-m) = (2, 2); 9 operations.
+    """
+    phi, omega = x[2], x[7]
+    L = c[0]
+    term_1 = omega*sin(phi)
+    term_2 = cos(phi)*omega
+    out = _zeros((2, 2), x, c)
+    out[0, 0] = -term_1
+    out[0, 1] = -L*term_2
+    out[1, 0] = term_2
+    out[1, 1] = -L*term_1
     return out
 
 
@@ -862,7 +1106,7 @@ def lie_q_lie_f_h(x, theta, c):
     x: state [q; v], (8,)
     theta: base parameters, (9,)
     c: known constants, (4,)
-    Returns: shape (n-m,) = (2,); 107 operations.
+    Returns: shape (n-m,) = (2,); 113 operations.
     """
     phi, beta1, beta2, beta3, v, omega = x[2], x[3], x[4], x[5], x[6], x[7]
     theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8, theta9 = (
@@ -871,6 +1115,14 @@ def lie_q_lie_f_h(x, theta, c):
     L, d_1, d_2, d_3 = c[0], c[1], c[2], c[3]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
+    theta7_inverse = 1/theta7
+    term_1 = omega/2
+    term_2 = term_1*theta9
+    term_3 = term_1*theta8*v
+    term_4 = theta1/2
+    term_5 = theta2/2
+    term_6 = theta3/2
+    term_7 = theta4/2
     sin_beta1 = sin(beta1)
     d_1_inverse = 1/d_1
     trailer_1_turning_v = -d_1_inverse*sin_beta1
@@ -883,47 +1135,44 @@ def lie_q_lie_f_h(x, theta, c):
     sin_beta3 = sin(beta3)
     cos_beta2 = cos(beta2)
     cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
-    term_1 = sin_beta3*cos_beta1_times_cos_beta2
-    trailer_3_turning_v = -d_3_inverse*term_1
+    term_8 = sin_beta3*cos_beta1_times_cos_beta2
+    trailer_3_turning_v = -d_3_inverse*term_8
     cos_beta3 = cos(beta3)
     trailer_3_forward_v = cos_beta3*cos_beta1_times_cos_beta2
-    u_r_per_v = (
-        theta5*trailer_1_turning_v**2 + theta6*trailer_2_turning_v**2 + theta7*trailer_3_forward_v**2
-        + theta8*trailer_3_turning_v**2
-    )
-    term_2 = 1/(2*u_r_per_v)
-    omega_times_theta1 = omega*theta1
-    term_3 = omega*theta4*v
     beta1_dot = -omega + trailer_1_turning_v*v
     trailer_1_turning_v_dot = -beta1_dot*cos_beta1*d_1_inverse
     beta1_dot_times_sin_beta1 = beta1_dot*sin_beta1
     beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
     beta2_dot_v_times_v = beta2_dot_v*v
     trailer_2_turning_v_dot = (
-        -d_2_inverse*beta2_dot_v_times_v*cos_beta1_times_cos_beta2 + beta1_dot_times_sin_beta1*sin_beta2_over_d_2
+        -d_2_inverse*cos_beta1_times_cos_beta2*beta2_dot_v_times_v + sin_beta2_over_d_2*beta1_dot_times_sin_beta1
     )
-    term_4 = cos_beta2*beta1_dot_times_sin_beta1
-    term_5 = cos_beta1*sin_beta2*beta2_dot_v_times_v
+    term_9 = cos_beta2*beta1_dot_times_sin_beta1
+    term_10 = cos_beta1*sin_beta2*beta2_dot_v_times_v
     beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
     beta3_dot_v_times_v = beta3_dot_v*v
-    trailer_3_forward_v_dot = -cos_beta3*term_4 - cos_beta3*term_5 - beta3_dot_v_times_v*term_1
+    trailer_3_forward_v_dot = -cos_beta3*term_9 - cos_beta3*term_10 - term_8*beta3_dot_v_times_v
     sin_beta3_over_d_3 = d_3_inverse*sin_beta3
     trailer_3_turning_v_dot = (
-        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + term_4*sin_beta3_over_d_3 + term_5*sin_beta3_over_d_3
+        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + term_9*sin_beta3_over_d_3 + term_10*sin_beta3_over_d_3
     )
-    term_6 = (
-        -omega**2*theta3 + theta2*v + theta5*trailer_1_turning_v*trailer_1_turning_v_dot*v
-        + theta6*trailer_2_turning_v*trailer_2_turning_v_dot*v + theta7*trailer_3_forward_v*trailer_3_forward_v_dot*v
-        + theta8*trailer_3_turning_v*trailer_3_turning_v_dot*v
+    term_11 = (
+        -omega**2*theta6/2 + term_4*trailer_1_turning_v*trailer_1_turning_v_dot*v
+        + term_5*trailer_2_turning_v*trailer_2_turning_v_dot*v + term_6*trailer_3_forward_v*trailer_3_forward_v_dot*v
+        + term_7*trailer_3_turning_v*trailer_3_turning_v_dot*v + theta5*v/2
     )
-    u_r_hold = term_6 + omega_times_theta1 + term_3
-    u_l_hold = term_6 - omega_times_theta1 - term_3
-    term_7 = -term_2*u_l_hold - term_2*u_r_hold
-    term_8 = 1/(2*theta9)
-    term_9 = L*(term_8*u_l_hold - term_8*u_r_hold)
+    u_r_hold = term_11 + term_2 + term_3
+    u_l_hold = term_11 - term_2 - term_3
+    term_12 = L*(theta7_inverse*u_l_hold - theta7_inverse*u_r_hold)
+    u_r_per_v = (
+        term_4*trailer_1_turning_v**2 + term_5*trailer_2_turning_v**2 + term_6*trailer_3_forward_v**2
+        + term_7*trailer_3_turning_v**2
+    )
+    term_13 = 1/(2*u_r_per_v)
+    term_14 = -term_13*u_l_hold - term_13*u_r_hold
     out = _zeros((2,), x, theta, c)
-    out[0] = cos_phi*term_7 - sin_phi*term_9
-    out[1] = cos_phi*term_9 + sin_phi*term_7
+    out[0] = cos_phi*term_14 - sin_phi*term_12
+    out[1] = cos_phi*term_12 + sin_phi*term_14
     return out
 
 
@@ -934,10 +1183,10 @@ def decoupling_matrix(x, theta, c):
     x: state [q; v], (8,)
     theta: base parameters, (9,)
     c: known constants, (4,)
-    Returns: shape (n-m, n_u) = (2, 2); 45 operations.
+    Returns: shape (n-m, n_u) = (2, 2); 48 operations.
     """
     phi, beta1, beta2, beta3 = x[2], x[3], x[4], x[5]
-    theta5, theta6, theta7, theta8, theta9 = theta[4], theta[5], theta[6], theta[7], theta[8]
+    theta1, theta2, theta3, theta4, theta7 = theta[0], theta[1], theta[2], theta[3], theta[6]
     L, d_1, d_2, d_3 = c[0], c[1], c[2], c[3]
     cos_phi = cos(phi)
     trailer_1_turning_v = -sin(beta1)/d_1
@@ -947,20 +1196,20 @@ def decoupling_matrix(x, theta, c):
     trailer_3_turning_v = -sin(beta3)*term_1/d_3
     trailer_3_forward_v = cos(beta3)*term_1
     u_r_per_v = (
-        theta5*trailer_1_turning_v**2 + theta6*trailer_2_turning_v**2 + theta7*trailer_3_forward_v**2
-        + theta8*trailer_3_turning_v**2
+        theta1*trailer_1_turning_v**2/2 + theta2*trailer_2_turning_v**2/2 + theta3*trailer_3_forward_v**2/2
+        + theta4*trailer_3_turning_v**2/2
     )
     u_r_per_v_inverse = 1/u_r_per_v
     sin_phi = sin(phi)
-    term_2 = L/(2*theta9)
-    term_3 = sin_phi*term_2
-    term_4 = u_r_per_v_inverse/2
-    term_5 = cos_phi*term_2
+    L_over_theta7 = L/theta7
+    sin_phi_times_L_over_theta7 = sin_phi*L_over_theta7
+    term_2 = u_r_per_v_inverse/2
+    cos_phi_times_L_over_theta7 = cos_phi*L_over_theta7
     out = _zeros((2, 2), x, theta, c)
-    out[0, 0] = cos_phi*u_r_per_v_inverse/2 - term_3
-    out[0, 1] = cos_phi*term_4 + term_3
-    out[1, 0] = sin_phi*term_4 + term_5
-    out[1, 1] = sin_phi*u_r_per_v_inverse/2 - term_5
+    out[0, 0] = cos_phi*u_r_per_v_inverse/2 - sin_phi_times_L_over_theta7
+    out[0, 1] = cos_phi*term_2 + sin_phi_times_L_over_theta7
+    out[1, 0] = sin_phi*term_2 + cos_phi_times_L_over_theta7
+    out[1, 1] = sin_phi*u_r_per_v_inverse/2 - cos_phi_times_L_over_theta7
     return out
 
 
@@ -971,19 +1220,20 @@ def inverse_regressor(x, a, c):
     x: state [q; v], (8,)
     a: accelerations v', (2,)
     c: known constants, (4,)
-    Returns: shape (n_u, n_pi) = (2, 9); 75 operations.
+    Returns: shape (n_u, n_pi) = (2, 9); 81 operations.
     """
     beta1, beta2, beta3, v, omega = x[3], x[4], x[5], x[6], x[7]
     a_v, a_omega = a[0], a[1]
     d_1, d_2, d_3 = c[1], c[2], c[3]
-    omega_times_v = omega*v
+    term_1 = a_v/2
     sin_beta1 = sin(beta1)
     d_1_inverse = 1/d_1
     trailer_1_turning_v = -d_1_inverse*sin_beta1
     cos_beta1 = cos(beta1)
     beta1_dot = -omega + trailer_1_turning_v*v
     trailer_1_turning_v_dot = -beta1_dot*cos_beta1*d_1_inverse
-    term_1 = a_v*trailer_1_turning_v**2 + trailer_1_turning_v*trailer_1_turning_v_dot*v
+    term_2 = term_1*trailer_1_turning_v**2 + trailer_1_turning_v*trailer_1_turning_v_dot*v/2
+    term_3 = v/2
     sin_beta2 = sin(beta2)
     d_2_inverse = 1/d_2
     sin_beta2_over_d_2 = d_2_inverse*sin_beta2
@@ -996,37 +1246,40 @@ def inverse_regressor(x, a, c):
     trailer_2_turning_v_dot = (
         -d_2_inverse*cos_beta1_times_cos_beta2*beta2_dot_v_times_v + sin_beta2_over_d_2*beta1_dot_times_sin_beta1
     )
-    term_2 = a_v*trailer_2_turning_v**2 + trailer_2_turning_v*trailer_2_turning_v_dot*v
+    term_4 = term_1*trailer_2_turning_v**2 + term_3*trailer_2_turning_v*trailer_2_turning_v_dot
     cos_beta3 = cos(beta3)
     trailer_3_forward_v = cos_beta3*cos_beta1_times_cos_beta2
     sin_beta3 = sin(beta3)
-    term_3 = sin_beta3*cos_beta1_times_cos_beta2
-    term_4 = cos_beta2*beta1_dot_times_sin_beta1
-    term_5 = cos_beta1*sin_beta2*beta2_dot_v_times_v
+    term_5 = sin_beta3*cos_beta1_times_cos_beta2
+    term_6 = cos_beta2*beta1_dot_times_sin_beta1
+    term_7 = cos_beta1*sin_beta2*beta2_dot_v_times_v
     d_3_inverse = 1/d_3
-    trailer_3_turning_v = -d_3_inverse*term_3
+    trailer_3_turning_v = -d_3_inverse*term_5
     beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
     beta3_dot_v_times_v = beta3_dot_v*v
-    trailer_3_forward_v_dot = -cos_beta3*term_4 - cos_beta3*term_5 - term_3*beta3_dot_v_times_v
-    term_6 = a_v*trailer_3_forward_v**2 + trailer_3_forward_v*trailer_3_forward_v_dot*v
+    trailer_3_forward_v_dot = -cos_beta3*term_6 - cos_beta3*term_7 - term_5*beta3_dot_v_times_v
+    term_8 = term_1*trailer_3_forward_v**2 + term_3*trailer_3_forward_v*trailer_3_forward_v_dot
     sin_beta3_over_d_3 = d_3_inverse*sin_beta3
     trailer_3_turning_v_dot = (
-        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + term_4*sin_beta3_over_d_3 + term_5*sin_beta3_over_d_3
+        -d_3_inverse*beta3_dot_v_times_v*trailer_3_forward_v + term_6*sin_beta3_over_d_3 + term_7*sin_beta3_over_d_3
     )
-    term_7 = a_v*trailer_3_turning_v**2 + trailer_3_turning_v*trailer_3_turning_v_dot*v
+    term_9 = term_1*trailer_3_turning_v**2 + term_3*trailer_3_turning_v*trailer_3_turning_v_dot
+    term_10 = a_omega/2
+    term_11 = omega*term_3
+    term_12 = omega/2
     out = _zeros((2, 9), x, a, c)
-    out[0, 0] = omega
-    out[0, 1] = out[1, 1] = v
-    out[0, 2] = out[1, 2] = -omega**2
-    out[0, 3] = omega_times_v
-    out[0, 4] = out[1, 4] = term_1
-    out[0, 5] = out[1, 5] = term_2
-    out[0, 6] = out[1, 6] = term_6
-    out[0, 7] = out[1, 7] = term_7
-    out[0, 8] = a_omega
-    out[1, 0] = -omega
-    out[1, 3] = -omega_times_v
-    out[1, 8] = -a_omega
+    out[0, 0] = out[1, 0] = term_2
+    out[0, 1] = out[1, 1] = term_4
+    out[0, 2] = out[1, 2] = term_8
+    out[0, 3] = out[1, 3] = term_9
+    out[0, 4] = out[1, 4] = term_3
+    out[0, 5] = out[1, 5] = -omega**2/2
+    out[0, 6] = term_10
+    out[0, 7] = term_11
+    out[0, 8] = term_12
+    out[1, 6] = -term_10
+    out[1, 7] = -term_11
+    out[1, 8] = -term_12
     return out
 
 
@@ -1042,27 +1295,32 @@ def inverse_base_parameters(p):
         p[18]
     )
     K1_inverse = 1/K1
-    term_1 = K1_inverse*r/2
-    term_2 = term_1/b
-    b_squared = b**2
-    coriolis_omega_omega = 2*K2*b_squared/r**2
-    d_times_m_C = d*m_C
-    term_3 = 2*m_w
-    mass_tractor = m_C + term_3
-    term_4 = mass_tractor*term_1
+    r_over_K1 = K1_inverse*r
+    term_1 = 2*m_w
+    mass_tractor = m_C + term_1
+    mass_tractor_times_r_over_K1 = mass_tractor*r_over_K1
     d_2_squared = d_2**2
-    term_5 = m_1*term_1
-    term_6 = m_2*term_1
+    m_1_times_r_over_K1 = m_1*r_over_K1
+    m_2_times_r_over_K1 = m_2*r_over_K1
     d_3_squared = d_3**2
-    inertia_tractor = I_C + 2*I_m + b_squared*term_3 + d**2*m_C
+    term_2 = 2*K2
+    term_3 = d*m_C*r_over_K1
+    b_inverse = 1/b
+    r_over_K1_over_b = b_inverse*r_over_K1
+    b_squared = b**2
+    inertia_tractor = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
+    coriolis_omega_omega = b_squared*term_2/r**2
     out = _zeros((9,), p)
-    out[0] = coriolis_omega_omega*term_2
-    out[1] = K1_inverse*K2/r
-    out[2] = term_1*d_times_m_C
-    out[3] = term_2*d_times_m_C
-    out[4] = I_1*term_1 + d_1**2*term_4
-    out[5] = I_2*term_1 + d_2_squared*term_4 + d_2_squared*term_5
-    out[6] = m_3*term_1 + term_6 + term_4 + term_5
-    out[7] = I_3*term_1 + d_3_squared*term_6 + d_3_squared*term_4 + d_3_squared*term_5
-    out[8] = inertia_tractor*term_2
+    out[0] = I_1*r_over_K1 + d_1**2*mass_tractor_times_r_over_K1
+    out[1] = I_2*r_over_K1 + d_2_squared*mass_tractor_times_r_over_K1 + d_2_squared*m_1_times_r_over_K1
+    out[2] = m_3*r_over_K1 + mass_tractor_times_r_over_K1 + m_1_times_r_over_K1 + m_2_times_r_over_K1
+    out[3] = (
+        I_3*r_over_K1 + d_3_squared*mass_tractor_times_r_over_K1 + d_3_squared*m_1_times_r_over_K1
+        + d_3_squared*m_2_times_r_over_K1
+    )
+    out[4] = K1_inverse*term_2/r
+    out[5] = term_3
+    out[6] = inertia_tractor*r_over_K1_over_b
+    out[7] = b_inverse*term_3
+    out[8] = coriolis_omega_omega*r_over_K1_over_b
     return out

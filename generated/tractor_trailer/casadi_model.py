@@ -15,9 +15,10 @@ x: state [q; v]: x [m], y [m], phi [rad], beta [rad], v [m/s], omega [rad/s]
 u: motor voltages: u_r [V], u_l [V]
 w: generalized forces on v, Fbar + taubar_d: w_v [N], w_omega [N m]
 c: known constants: L [m], e [m], d_t [m]
-theta: base parameters: theta1 [V s], theta2 [V s/m], theta3 [V s^2], theta4 [V s^2/m], theta5 [V s^2], theta6 [V m
-    s^2], theta7 [V s^2/m], theta8 [V s^2], theta9 [V s^2/m], theta10 [V s^2]
+v_r: reference pseudo-velocities: v_ref [m/s], omega_ref [1/s]
 a: accelerations v': a_v [m/s^2], a_omega [1/s^2]
+theta: base parameters: theta1 [V s^2/m], theta2 [V m s^2], theta3 [V s/m], theta4 [V s^2], theta5 [V s^2], theta6
+    [V s^2], theta7 [V s^2], theta8 [V s^2/m], theta9 [V s^2/m], theta10 [V s]
 """
 
 from casadi import SX, Function, cos, sin
@@ -66,52 +67,52 @@ DEFAULTS = {
 }
 KNOWN = {"L": "m", "e": "m", "d_t": "m"}
 BASE_PARAMETERS = {
-    "theta1": "V s",
-    "theta2": "V s/m",
-    "theta3": "V s^2",
-    "theta4": "V s^2/m",
+    "theta1": "V s^2/m",
+    "theta2": "V m s^2",
+    "theta3": "V s/m",
+    "theta4": "V s^2",
     "theta5": "V s^2",
-    "theta6": "V m s^2",
-    "theta7": "V s^2/m",
-    "theta8": "V s^2",
+    "theta6": "V s^2",
+    "theta7": "V s^2",
+    "theta8": "V s^2/m",
     "theta9": "V s^2/m",
-    "theta10": "V s^2",
+    "theta10": "V s",
 }
 BASE_PARAMETER_FORMULAS = {
-    "theta1": "K2*b/(K1*r)",
-    "theta2": "K2/(K1*r)",
-    "theta3": "r*(d*m_C + e*(m_C + 2*m_w))/(2*K1)",
-    "theta4": "r*(-d*m_C + e*(m_t + 2*m_w))/(2*K1*b)",
-    "theta5": "r*(-I_t - 2*b_t**2*m_w + d_t**2*(m_t + 2*m_w) - m_t*s_t**2)/(2*K1*b)",
-    "theta6": "r*(I_t + 2*b_t**2*m_w + d_t**2*(m_C + 2*m_w) + m_t*s_t**2)/(2*K1)",
-    "theta7": "r*(m_C + m_t + 4*m_w)/(4*K1)",
-    "theta8": "r*(d_t*(m_C + 2*m_w) + m_t*s_t)/(2*K1)",
-    "theta9": "r*(d_t*(m_t + 2*m_w) - m_t*s_t)/(2*K1*b)",
-    "theta10": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C + e**2*(m_t + 2*m_w))/(2*K1*b)",
+    "theta1": "r*(m_C + m_t + 4*m_w)/K1",
+    "theta2": "r*(-I_t - 2*b_t**2*m_w + d_t**2*(m_t + 2*m_w) - m_t*s_t**2)/K1",
+    "theta3": "2*K2/(K1*r)",
+    "theta4": "r*(-d*m_C + e*(m_t + 2*m_w))/K1",
+    "theta5": "r*(d_t*(m_t + 2*m_w) - m_t*s_t)/K1",
+    "theta6": "r*(-I_t - 2*b_t**2*m_w + d_t**2*(m_t + 2*m_w) - m_t*s_t**2)/(K1*b)",
+    "theta7": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C + e**2*(m_t + 2*m_w))/(K1*b)",
+    "theta8": "r*(-d*m_C + e*(m_t + 2*m_w))/(K1*b)",
+    "theta9": "r*(d_t*(m_t + 2*m_w) - m_t*s_t)/(K1*b)",
+    "theta10": "2*K2*b/(K1*r)",
 }
 INVERSE_BASE_PARAMETERS = {
-    "pi1": "V s",
-    "pi2": "V s/m",
-    "pi3": "V s^2",
-    "pi4": "V s^2/m",
+    "pi1": "V s^2/m",
+    "pi2": "V m s^2",
+    "pi3": "V s/m",
+    "pi4": "V s^2",
     "pi5": "V s^2",
-    "pi6": "V m s^2",
-    "pi7": "V s^2/m",
-    "pi8": "V s^2",
+    "pi6": "V s^2",
+    "pi7": "V s^2",
+    "pi8": "V s^2/m",
     "pi9": "V s^2/m",
-    "pi10": "V s^2",
+    "pi10": "V s",
 }
 INVERSE_BASE_PARAMETER_FORMULAS = {
-    "pi1": "K2*b/(K1*r)",
-    "pi2": "K2/(K1*r)",
-    "pi3": "r*(d*m_C + e*(m_C + 2*m_w))/(2*K1)",
-    "pi4": "r*(-d*m_C + e*(m_t + 2*m_w))/(2*K1*b)",
-    "pi5": "r*(-I_t - 2*b_t**2*m_w + d_t**2*(m_t + 2*m_w) - m_t*s_t**2)/(2*K1*b)",
-    "pi6": "r*(I_t + 2*b_t**2*m_w + d_t**2*(m_C + 2*m_w) + m_t*s_t**2)/(2*K1)",
-    "pi7": "r*(m_C + m_t + 4*m_w)/(4*K1)",
-    "pi8": "r*(d_t*(m_C + 2*m_w) + m_t*s_t)/(2*K1)",
-    "pi9": "r*(d_t*(m_t + 2*m_w) - m_t*s_t)/(2*K1*b)",
-    "pi10": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C + e**2*(m_t + 2*m_w))/(2*K1*b)",
+    "pi1": "r*(m_C + m_t + 4*m_w)/K1",
+    "pi2": "r*(-I_t - 2*b_t**2*m_w + d_t**2*(m_t + 2*m_w) - m_t*s_t**2)/K1",
+    "pi3": "2*K2/(K1*r)",
+    "pi4": "r*(-d*m_C + e*(m_t + 2*m_w))/K1",
+    "pi5": "r*(d_t*(m_t + 2*m_w) - m_t*s_t)/K1",
+    "pi6": "r*(-I_t - 2*b_t**2*m_w + d_t**2*(m_t + 2*m_w) - m_t*s_t**2)/(K1*b)",
+    "pi7": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C + e**2*(m_t + 2*m_w))/(K1*b)",
+    "pi8": "r*(-d*m_C + e*(m_t + 2*m_w))/(K1*b)",
+    "pi9": "r*(d_t*(m_t + 2*m_w) - m_t*s_t)/(K1*b)",
+    "pi10": "2*K2*b/(K1*r)",
 }
 
 
@@ -626,40 +627,199 @@ def base_parameters(p):
     """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (16,)
-    Returns: shape (n_theta,) = (10,); 60 operations.
+    Returns: shape (n_theta,) = (10,); 59 operations.
     """
     r, b, d, m_C, m_w, I_m, I_C, e, d_t, s_t, b_t, m_t, I_t, K1, K2 = (
         p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
     )
     K1_inverse = 1/K1
-    term_1 = K1_inverse*K2/r
     r_over_K1 = K1_inverse*r
-    term_2 = r_over_K1/2
-    term_3 = d*m_C*term_2
-    term_4 = 2*m_w
-    mass_tractor = m_C + term_4
-    term_5 = mass_tractor*term_2
+    term_1 = 2*m_w
+    mass_trailer = m_t + term_1
+    mass_trailer_times_r_over_K1 = mass_trailer*r_over_K1
+    mass_tractor = m_C + term_1
+    inertia_trailer = I_t + b_t**2*term_1 + m_t*s_t**2
+    term_2 = inertia_trailer*r_over_K1
+    term_3 = d_t**2*mass_trailer_times_r_over_K1
+    term_4 = 2*K1_inverse*K2/r
+    term_5 = d*m_C*r_over_K1
+    term_6 = d_t*mass_trailer_times_r_over_K1
+    term_7 = m_t*s_t*r_over_K1
     b_inverse = 1/b
-    mass_trailer = m_t + term_4
-    inertia_trailer = I_t + b_t**2*term_4 + m_t*s_t**2
-    term_6 = inertia_trailer*term_2
-    d_t_squared = d_t**2
-    term_7 = b_inverse*term_2
-    term_8 = mass_trailer*term_7
-    term_9 = r_over_K1/4
-    term_10 = m_t*s_t*term_2
-    inertia_tractor = I_C + 2*I_m + b**2*term_4 + d**2*m_C
+    inertia_tractor = I_C + 2*I_m + b**2*term_1 + d**2*m_C
     out = _zeros((10,), p)
-    out[0] = b*term_1
-    out[1] = term_1
-    out[2] = e*term_5 + term_3
-    out[3] = K1_inverse*b_inverse*e*mass_trailer*r/2 - b_inverse*term_3
-    out[4] = -b_inverse*term_6 + d_t_squared*term_8
-    out[5] = d_t_squared*term_5 + term_6
-    out[6] = mass_tractor*term_9 + mass_trailer*term_9
-    out[7] = d_t*term_5 + term_10
-    out[8] = -b_inverse*term_10 + d_t*term_8
-    out[9] = e**2*term_8 + inertia_tractor*term_7
+    out[0] = mass_tractor*r_over_K1 + mass_trailer_times_r_over_K1
+    out[1] = -term_2 + term_3
+    out[2] = term_4
+    out[3] = K1_inverse*e*mass_trailer*r - term_5
+    out[4] = -term_7 + term_6
+    out[5] = -b_inverse*term_2 + b_inverse*term_3
+    out[6] = b_inverse*e**2*mass_trailer_times_r_over_K1 + b_inverse*inertia_tractor*r_over_K1
+    out[7] = K1_inverse*b_inverse*e*mass_trailer*r - b_inverse*term_5
+    out[8] = -b_inverse*term_7 + b_inverse*term_6
+    out[9] = b*term_4
+    return out
+
+
+@_function(q=4, c=3)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (4,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_u) = (2, 2); 1 operation.
+    """
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = out[0, 1] = out[1, 0] = 1
+    out[1, 1] = -1
+    return out
+
+
+@_function(x=6, v_r=2, a=2, c=3)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (6,)
+    v_r: reference pseudo-velocities, (2,)
+    a: accelerations v', (2,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_pi) = (2, 10); 51 operations.
+    """
+    beta, v, omega = x[3], x[4], x[5]
+    v_ref, omega_ref = v_r[0], v_r[1]
+    a_v, a_omega = a[0], a[1]
+    e, d_t = c[1], c[2]
+    sin_beta = sin(beta)
+    d_t_inverse = 1/d_t
+    sin_beta_over_d_t = d_t_inverse*sin_beta
+    trailer_turning_v = -sin_beta_over_d_t
+    cos_beta = cos(beta)
+    cos_beta_over_d_t = cos_beta*d_t_inverse
+    trailer_turning_omega = -e*cos_beta_over_d_t
+    term_1 = trailer_turning_omega*trailer_turning_v
+    trailer_turning_v_times_v = trailer_turning_v*v
+    beta_dot_omega = trailer_turning_omega - 1
+    beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
+    trailer_turning_omega_dot = beta_dot*e*sin_beta_over_d_t
+    term_2 = omega_ref*trailer_turning_omega_dot
+    trailer_turning_v_dot = -beta_dot*cos_beta_over_d_t
+    term_3 = trailer_turning_v_dot*v_ref
+    trailer_turning = omega*trailer_turning_omega + trailer_turning_v_times_v
+    term_4 = cos_beta*trailer_turning*trailer_turning_omega + e*sin_beta*trailer_turning*trailer_turning_v
+    out = _zeros((2, 10), x, v_r, a, c)
+    out[0, 0] = a_v
+    out[0, 1] = -a_omega*term_1 - a_v*trailer_turning_v**2 - term_2*trailer_turning_v - term_3*trailer_turning_v
+    out[0, 2] = v_ref
+    out[0, 3] = omega*omega_ref
+    out[0, 4] = omega_ref*term_4
+    out[1, 5] = (
+        -a_omega*trailer_turning_omega**2 - a_v*term_1 - term_2*trailer_turning_omega - term_3*trailer_turning_omega
+    )
+    out[1, 6] = a_omega
+    out[1, 7] = -omega*v_ref
+    out[1, 8] = -term_4*v_ref
+    out[1, 9] = omega_ref
+    return out
+
+
+@_function(x=6, c=3)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_pi) = (2, 10); 19 operations.
+    """
+    beta, v, omega = x[3], x[4], x[5]
+    e, d_t = c[1], c[2]
+    d_t_inverse = 1/d_t
+    trailer_turning_v = -d_t_inverse*sin(beta)
+    trailer_turning_omega = -cos(beta)*d_t_inverse*e
+    term_1 = trailer_turning_omega*trailer_turning_v
+    out = _zeros((2, 10), x, c)
+    out[0, 0] = v
+    out[0, 1] = -omega*term_1 - trailer_turning_v**2*v
+    out[1, 5] = -omega*trailer_turning_omega**2 - term_1*v
+    out[1, 6] = omega
+    return out
+
+
+@_function(x=6, c=3)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_pi) = (2, 10); 43 operations.
+    """
+    beta, v, omega = x[3], x[4], x[5]
+    e, d_t = c[1], c[2]
+    sin_beta = sin(beta)
+    d_t_inverse = 1/d_t
+    sin_beta_over_d_t = d_t_inverse*sin_beta
+    trailer_turning_v = -sin_beta_over_d_t
+    trailer_turning_v_times_v = trailer_turning_v*v
+    cos_beta = cos(beta)
+    cos_beta_over_d_t = cos_beta*d_t_inverse
+    trailer_turning_omega = -e*cos_beta_over_d_t
+    term_1 = omega*trailer_turning_omega
+    beta_dot_omega = trailer_turning_omega - 1
+    beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
+    trailer_turning_v_dot = -beta_dot*cos_beta_over_d_t
+    trailer_turning = trailer_turning_v_times_v + term_1
+    term_2 = trailer_turning*(cos_beta*trailer_turning_omega + e*sin_beta*trailer_turning_v)
+    trailer_turning_omega_dot = beta_dot*e*sin_beta_over_d_t
+    out = _zeros((2, 10), x, c)
+    out[0, 1] = (
+        -trailer_turning_v_times_v*trailer_turning_v_dot - trailer_turning_v_dot*(-2*trailer_turning_v_times_v - term_1)
+    )
+    out[0, 2] = v
+    out[0, 3] = omega**2
+    out[0, 4] = omega*term_2
+    out[1, 5] = -term_1*trailer_turning_omega_dot - trailer_turning_omega_dot*(-trailer_turning_v_times_v - 2*term_1)
+    out[1, 7] = -omega*v
+    out[1, 8] = -term_2*v
+    out[1, 9] = omega
+    return out
+
+
+@_function(p=16)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (16,)
+    Returns: shape (n_pi,) = (10,); 59 operations.
+    """
+    r, b, d, m_C, m_w, I_m, I_C, e, d_t, s_t, b_t, m_t, I_t, K1, K2 = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
+    )
+    K1_inverse = 1/K1
+    r_over_K1 = K1_inverse*r
+    term_1 = 2*m_w
+    mass_trailer = m_t + term_1
+    mass_trailer_times_r_over_K1 = mass_trailer*r_over_K1
+    mass_tractor = m_C + term_1
+    inertia_trailer = I_t + b_t**2*term_1 + m_t*s_t**2
+    term_2 = inertia_trailer*r_over_K1
+    term_3 = d_t**2*mass_trailer_times_r_over_K1
+    term_4 = 2*K1_inverse*K2/r
+    term_5 = d*m_C*r_over_K1
+    term_6 = d_t*mass_trailer_times_r_over_K1
+    term_7 = m_t*s_t*r_over_K1
+    b_inverse = 1/b
+    inertia_tractor = I_C + 2*I_m + b**2*term_1 + d**2*m_C
+    out = _zeros((10,), p)
+    out[0] = mass_tractor*r_over_K1 + mass_trailer_times_r_over_K1
+    out[1] = -term_2 + term_3
+    out[2] = term_4
+    out[3] = K1_inverse*e*mass_trailer*r - term_5
+    out[4] = -term_7 + term_6
+    out[5] = -b_inverse*term_2 + b_inverse*term_3
+    out[6] = b_inverse*e**2*mass_trailer_times_r_over_K1 + b_inverse*inertia_tractor*r_over_K1
+    out[7] = K1_inverse*b_inverse*e*mass_trailer*r - b_inverse*term_5
+    out[8] = -b_inverse*term_7 + b_inverse*term_6
+    out[9] = b*term_4
     return out
 
 
@@ -693,6 +853,46 @@ def output_jacobian(q, c):
     out[0, 0] = out[1, 1] = 1
     out[0, 2] = -L*sin(phi)
     out[1, 2] = L*cos(phi)
+    return out
+
+
+@_function(q=4, c=3)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (4,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n-m) = (2, 2); 5 operations.
+    """
+    phi = q[2]
+    L = c[0]
+    cos_phi = cos(phi)
+    sin_phi = sin(phi)
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = cos_phi
+    out[0, 1] = -L*sin_phi
+    out[1, 0] = sin_phi
+    out[1, 1] = L*cos_phi
+    return out
+
+
+@_function(x=6, c=3)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (6,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n-m) = (2, 2); 9 operations.
+    """
+    phi, omega = x[2], x[5]
+    L = c[0]
+    term_1 = omega*sin(phi)
+    term_2 = cos(phi)*omega
+    out = _zeros((2, 2), x, c)
+    out[0, 0] = -term_1
+    out[0, 1] = -L*term_2
+    out[1, 0] = term_2
+    out[1, 1] = -L*term_1
     return out
 
 
@@ -741,7 +941,7 @@ def lie_q_lie_f_h(x, theta, c):
     x: state [q; v], (6,)
     theta: base parameters, (10,)
     c: known constants, (3,)
-    Returns: shape (n-m,) = (2,); 112 operations.
+    Returns: shape (n-m,) = (2,); 103 operations.
     """
     phi, beta, v, omega = x[2], x[3], x[4], x[5]
     theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8, theta9, theta10 = (
@@ -750,6 +950,7 @@ def lie_q_lie_f_h(x, theta, c):
     L, e, d_t = c[0], c[1], c[2]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
+    term_1 = theta6/2
     sin_beta = sin(beta)
     d_t_inverse = 1/d_t
     sin_beta_over_d_t = d_t_inverse*sin_beta
@@ -757,48 +958,46 @@ def lie_q_lie_f_h(x, theta, c):
     cos_beta = cos(beta)
     cos_beta_over_d_t = cos_beta*d_t_inverse
     trailer_turning_omega = -e*cos_beta_over_d_t
-    term_1 = theta5*trailer_turning_omega*trailer_turning_v
-    term_2 = 2*cos_beta**2
-    term_3 = term_2*theta7 + theta6*trailer_turning_v**2
-    u_r_per_v = -term_1 + term_3
-    term_4 = theta5*trailer_turning_omega**2
-    sin_2_beta = sin(2*beta)
-    term_5 = e*sin_2_beta*theta7 - theta6*trailer_turning_omega*trailer_turning_v
-    u_r_per_omega = -term_4 - term_5 + theta10
-    u_l_per_v = term_1 + term_3
-    u_l_per_omega = term_4 - term_5 - theta10
+    term_2 = trailer_turning_omega*trailer_turning_v
+    term_3 = term_1*term_2
+    term_4 = theta2/2
+    term_5 = term_4*trailer_turning_v**2
+    u_r_per_v = -term_3 - term_5 + theta1/2
+    term_6 = theta7/2
+    term_7 = term_2*term_4
+    term_8 = term_1*trailer_turning_omega**2
+    u_r_per_omega = -term_7 - term_8 + term_6
+    u_l_per_v = term_3 - term_5 + theta1/2
+    u_l_per_omega = -term_7 + term_8 - term_6
     effort_determinant = u_l_per_omega*u_r_per_v - u_l_per_v*u_r_per_omega
     effort_determinant_inverse = 1/effort_determinant
-    omega_times_theta1 = omega*theta1
-    term_6 = omega*trailer_turning_omega
-    trailer_turning_omega_times_v = trailer_turning_omega*v
+    term_9 = omega*trailer_turning_omega
+    term_10 = v/2
     trailer_turning_v_times_v = trailer_turning_v*v
     beta_dot_omega = trailer_turning_omega - 1
     beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
     trailer_turning_v_dot = -beta_dot*cos_beta_over_d_t
-    beta_dot_times_e = beta_dot*e
-    trailer_turning_omega_dot = beta_dot_times_e*sin_beta_over_d_t
-    term_7 = term_6*trailer_turning_omega_dot + trailer_turning_omega_times_v*trailer_turning_v_dot
-    trailer_turning = term_6 + trailer_turning_v_times_v
-    cos_beta_times_trailer_turning = cos_beta*trailer_turning
-    term_8 = e*sin_beta*trailer_turning
-    term_9 = trailer_turning_omega_times_v*cos_beta_times_trailer_turning + trailer_turning_v_times_v*term_8
-    term_10 = omega*theta4*v
-    omega_times_trailer_turning_v = omega*trailer_turning_v
-    term_11 = (
-        -omega**2*theta3 + theta2*v + theta6*(trailer_turning_v_times_v*trailer_turning_v_dot
-        + omega_times_trailer_turning_v*trailer_turning_omega_dot) + theta7*(-beta_dot*sin_2_beta*v
-        - omega*beta_dot_times_e*term_2) + theta8*(-term_6*cos_beta_times_trailer_turning
-        - term_8*omega_times_trailer_turning_v)
+    trailer_turning_omega_dot = beta_dot*e*sin_beta_over_d_t
+    term_11 = term_9*trailer_turning_omega_dot/2 + term_10*trailer_turning_omega*trailer_turning_v_dot
+    term_12 = omega/2
+    term_13 = term_12*theta10
+    term_14 = term_12*theta8*v
+    trailer_turning = term_9 + trailer_turning_v_times_v
+    term_15 = trailer_turning*(cos_beta*trailer_turning_omega + e*sin_beta*trailer_turning_v)
+    term_16 = term_10*term_15*theta9
+    term_17 = (
+        omega**2*theta4/2 + term_10*theta3 + term_12*term_15*theta5
+        + theta2*(-trailer_turning_v_times_v*trailer_turning_v_dot/2
+        - term_12*trailer_turning_omega_dot*trailer_turning_v)
     )
-    u_l_hold = -omega_times_theta1 + term_7*theta5 + term_9*theta9 + term_10 + term_11
-    term_12 = effort_determinant_inverse*u_l_hold
-    u_r_hold = omega_times_theta1 - term_7*theta5 - term_9*theta9 - term_10 + term_11
-    term_13 = -effort_determinant_inverse*u_l_per_omega*u_r_hold + term_12*u_r_per_omega
-    term_14 = L*(effort_determinant_inverse*u_l_per_v*u_r_hold - term_12*u_r_per_v)
+    u_l_hold = term_11*theta6 - term_13 + term_14 + term_16 + term_17
+    term_18 = effort_determinant_inverse*u_l_hold
+    u_r_hold = -term_11*theta6 + term_13 - term_14 - term_16 + term_17
+    term_19 = -effort_determinant_inverse*u_l_per_omega*u_r_hold + term_18*u_r_per_omega
+    term_20 = L*(effort_determinant_inverse*u_l_per_v*u_r_hold - term_18*u_r_per_v)
     out = _zeros((2,), x, theta, c)
-    out[0] = cos_phi*term_13 - sin_phi*term_14
-    out[1] = cos_phi*term_14 + sin_phi*term_13
+    out[0] = cos_phi*term_19 - sin_phi*term_20
+    out[1] = cos_phi*term_20 + sin_phi*term_19
     return out
 
 
@@ -809,35 +1008,38 @@ def decoupling_matrix(x, theta, c):
     x: state [q; v], (6,)
     theta: base parameters, (10,)
     c: known constants, (3,)
-    Returns: shape (n-m, n_u) = (2, 2); 55 operations.
+    Returns: shape (n-m, n_u) = (2, 2); 52 operations.
     """
     phi, beta = x[2], x[3]
-    theta5, theta6, theta7, theta10 = theta[4], theta[5], theta[6], theta[9]
+    theta1, theta2, theta6, theta7 = theta[0], theta[1], theta[5], theta[6]
     L, e, d_t = c[0], c[1], c[2]
+    term_1 = theta6/2
     d_t_inverse = 1/d_t
     trailer_turning_v = -d_t_inverse*sin(beta)
-    cos_beta = cos(beta)
-    trailer_turning_omega = -cos_beta*d_t_inverse*e
-    term_1 = theta5*trailer_turning_omega*trailer_turning_v
-    term_2 = 2*cos_beta**2*theta7 + theta6*trailer_turning_v**2
-    u_r_per_v = -term_1 + term_2
-    term_3 = theta5*trailer_turning_omega**2
-    term_4 = e*sin(2*beta)*theta7 - theta6*trailer_turning_omega*trailer_turning_v
-    u_r_per_omega = -term_3 - term_4 + theta10
-    u_l_per_v = term_1 + term_2
-    u_l_per_omega = term_3 - term_4 - theta10
+    trailer_turning_omega = -cos(beta)*d_t_inverse*e
+    term_2 = trailer_turning_omega*trailer_turning_v
+    term_3 = term_1*term_2
+    term_4 = theta2/2
+    term_5 = term_4*trailer_turning_v**2
+    u_r_per_v = -term_3 - term_5 + theta1/2
+    term_6 = theta7/2
+    term_7 = term_2*term_4
+    term_8 = term_1*trailer_turning_omega**2
+    u_r_per_omega = term_6 - term_7 - term_8
+    u_l_per_v = term_3 - term_5 + theta1/2
+    u_l_per_omega = -term_6 - term_7 + term_8
     effort_determinant = u_l_per_omega*u_r_per_v - u_l_per_v*u_r_per_omega
     effort_determinant_inverse = 1/effort_determinant
-    term_5 = cos(phi)*effort_determinant_inverse
+    term_9 = cos(phi)*effort_determinant_inverse
     sin_phi = sin(phi)
-    term_6 = effort_determinant_inverse*sin_phi
-    term_7 = L*term_6
-    term_8 = L*term_5
+    term_10 = effort_determinant_inverse*sin_phi
+    term_11 = L*term_10
+    term_12 = L*term_9
     out = _zeros((2, 2), x, theta, c)
-    out[0, 0] = term_5*u_l_per_omega + term_7*u_l_per_v
-    out[0, 1] = -term_5*u_r_per_omega - term_7*u_r_per_v
-    out[1, 0] = effort_determinant_inverse*sin_phi*u_l_per_omega - term_8*u_l_per_v
-    out[1, 1] = term_8*u_r_per_v - term_6*u_r_per_omega
+    out[0, 0] = term_9*u_l_per_omega + term_11*u_l_per_v
+    out[0, 1] = -term_9*u_r_per_omega - term_11*u_r_per_v
+    out[1, 0] = effort_determinant_inverse*sin_phi*u_l_per_omega - term_12*u_l_per_v
+    out[1, 1] = -term_10*u_r_per_omega + term_12*u_r_per_v
     return out
 
 
@@ -848,63 +1050,57 @@ def inverse_regressor(x, a, c):
     x: state [q; v], (6,)
     a: accelerations v', (2,)
     c: known constants, (3,)
-    Returns: shape (n_u, n_pi) = (2, 10); 70 operations.
+    Returns: shape (n_u, n_pi) = (2, 10); 59 operations.
     """
     beta, v, omega = x[3], x[4], x[5]
     a_v, a_omega = a[0], a[1]
     e, d_t = c[1], c[2]
-    omega_times_v = omega*v
-    cos_beta = cos(beta)
-    d_t_inverse = 1/d_t
-    cos_beta_over_d_t = cos_beta*d_t_inverse
-    trailer_turning_omega = -e*cos_beta_over_d_t
-    term_1 = omega*trailer_turning_omega
+    term_1 = a_v/2
     sin_beta = sin(beta)
+    d_t_inverse = 1/d_t
     sin_beta_over_d_t = d_t_inverse*sin_beta
     trailer_turning_v = -sin_beta_over_d_t
-    term_2 = trailer_turning_omega*trailer_turning_v
-    trailer_turning_omega_times_v = trailer_turning_omega*v
     trailer_turning_v_times_v = trailer_turning_v*v
+    term_2 = a_omega/2
+    cos_beta = cos(beta)
+    cos_beta_over_d_t = cos_beta*d_t_inverse
+    trailer_turning_omega = -e*cos_beta_over_d_t
+    term_3 = trailer_turning_omega*trailer_turning_v
+    term_4 = omega/2
     beta_dot_omega = trailer_turning_omega - 1
     beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
     trailer_turning_v_dot = -beta_dot*cos_beta_over_d_t
-    beta_dot_times_e = beta_dot*e
-    trailer_turning_omega_dot = beta_dot_times_e*sin_beta_over_d_t
-    term_3 = (
-        a_omega*trailer_turning_omega**2 + a_v*term_2 + term_1*trailer_turning_omega_dot
-        + trailer_turning_omega_times_v*trailer_turning_v_dot
-    )
-    omega_times_trailer_turning_v = omega*trailer_turning_v
-    term_4 = (
-        a_omega*term_2 + a_v*trailer_turning_v**2 + omega_times_trailer_turning_v*trailer_turning_omega_dot
-        + trailer_turning_v_times_v*trailer_turning_v_dot
-    )
-    sin_2_beta = sin(2*beta)
-    cos_beta_squared = cos_beta**2
+    trailer_turning_omega_dot = beta_dot*e*sin_beta_over_d_t
     term_5 = (
-        -a_omega*e*sin_2_beta + 2*a_v*cos_beta_squared - beta_dot*sin_2_beta*v
-        - 2*cos_beta_squared*omega*beta_dot_times_e
+        -term_1*trailer_turning_v**2 - trailer_turning_v_times_v*trailer_turning_v_dot/2 - term_2*term_3
+        - term_4*trailer_turning_omega_dot*trailer_turning_v
     )
-    trailer_turning = term_1 + trailer_turning_v_times_v
-    cos_beta_times_trailer_turning = cos_beta*trailer_turning
-    term_6 = e*sin_beta*trailer_turning
-    term_7 = cos_beta_times_trailer_turning*trailer_turning_omega_times_v + term_6*trailer_turning_v_times_v
+    term_6 = v/2
+    term_7 = omega*trailer_turning_omega
+    trailer_turning = term_7 + trailer_turning_v_times_v
+    term_8 = trailer_turning*(cos_beta*trailer_turning_omega + e*sin_beta*trailer_turning_v)
+    term_9 = (
+        term_1*term_3 + term_6*trailer_turning_omega*trailer_turning_v_dot + term_7*trailer_turning_omega_dot/2
+        + term_2*trailer_turning_omega**2
+    )
+    term_10 = omega*term_6
+    term_11 = term_6*term_8
     out = _zeros((2, 10), x, a, c)
-    out[0, 0] = omega
-    out[0, 1] = out[1, 1] = v
-    out[0, 2] = out[1, 2] = -omega**2
-    out[0, 3] = -omega_times_v
-    out[0, 4] = -term_3
-    out[0, 5] = out[1, 5] = term_4
-    out[0, 6] = out[1, 6] = term_5
-    out[0, 7] = out[1, 7] = -omega_times_trailer_turning_v*term_6 - cos_beta_times_trailer_turning*term_1
-    out[0, 8] = -term_7
-    out[0, 9] = a_omega
-    out[1, 0] = -omega
-    out[1, 3] = omega_times_v
-    out[1, 4] = term_3
-    out[1, 8] = term_7
-    out[1, 9] = -a_omega
+    out[0, 0] = out[1, 0] = term_1
+    out[0, 1] = out[1, 1] = term_5
+    out[0, 2] = out[1, 2] = term_6
+    out[0, 3] = out[1, 3] = omega**2/2
+    out[0, 4] = out[1, 4] = term_8*term_4
+    out[0, 5] = -term_9
+    out[0, 6] = term_2
+    out[0, 7] = -term_10
+    out[0, 8] = -term_11
+    out[0, 9] = term_4
+    out[1, 5] = term_9
+    out[1, 6] = -term_2
+    out[1, 7] = term_10
+    out[1, 8] = term_11
+    out[1, 9] = -term_4
     return out
 
 
@@ -913,38 +1109,35 @@ def inverse_base_parameters(p):
     """pi(p) of u = Y_u pi; equation (14) inverted.
 
     p: physical parameters, (16,)
-    Returns: shape (n_pi,) = (10,); 60 operations.
+    Returns: shape (n_pi,) = (10,); 59 operations.
     """
     r, b, d, m_C, m_w, I_m, I_C, e, d_t, s_t, b_t, m_t, I_t, K1, K2 = (
         p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15]
     )
     K1_inverse = 1/K1
-    term_1 = K1_inverse*K2/r
     r_over_K1 = K1_inverse*r
-    term_2 = r_over_K1/2
-    term_3 = d*m_C*term_2
-    term_4 = 2*m_w
-    mass_tractor = m_C + term_4
-    term_5 = mass_tractor*term_2
+    term_1 = 2*m_w
+    mass_trailer = m_t + term_1
+    mass_trailer_times_r_over_K1 = mass_trailer*r_over_K1
+    mass_tractor = m_C + term_1
+    inertia_trailer = I_t + b_t**2*term_1 + m_t*s_t**2
+    term_2 = inertia_trailer*r_over_K1
+    term_3 = d_t**2*mass_trailer_times_r_over_K1
+    term_4 = 2*K1_inverse*K2/r
+    term_5 = d*m_C*r_over_K1
+    term_6 = d_t*mass_trailer_times_r_over_K1
+    term_7 = m_t*s_t*r_over_K1
     b_inverse = 1/b
-    mass_trailer = m_t + term_4
-    inertia_trailer = I_t + b_t**2*term_4 + m_t*s_t**2
-    term_6 = inertia_trailer*term_2
-    d_t_squared = d_t**2
-    term_7 = b_inverse*term_2
-    term_8 = mass_trailer*term_7
-    term_9 = r_over_K1/4
-    term_10 = m_t*s_t*term_2
-    inertia_tractor = I_C + 2*I_m + b**2*term_4 + d**2*m_C
+    inertia_tractor = I_C + 2*I_m + b**2*term_1 + d**2*m_C
     out = _zeros((10,), p)
-    out[0] = b*term_1
-    out[1] = term_1
-    out[2] = e*term_5 + term_3
-    out[3] = K1_inverse*b_inverse*e*mass_trailer*r/2 - b_inverse*term_3
-    out[4] = -b_inverse*term_6 + d_t_squared*term_8
-    out[5] = d_t_squared*term_5 + term_6
-    out[6] = mass_tractor*term_9 + mass_trailer*term_9
-    out[7] = d_t*term_5 + term_10
-    out[8] = -b_inverse*term_10 + d_t*term_8
-    out[9] = e**2*term_8 + inertia_tractor*term_7
+    out[0] = mass_tractor*r_over_K1 + mass_trailer_times_r_over_K1
+    out[1] = -term_2 + term_3
+    out[2] = term_4
+    out[3] = K1_inverse*e*mass_trailer*r - term_5
+    out[4] = -term_7 + term_6
+    out[5] = -b_inverse*term_2 + b_inverse*term_3
+    out[6] = b_inverse*e**2*mass_trailer_times_r_over_K1 + b_inverse*inertia_tractor*r_over_K1
+    out[7] = K1_inverse*b_inverse*e*mass_trailer*r - b_inverse*term_5
+    out[8] = -b_inverse*term_7 + b_inverse*term_6
+    out[9] = b*term_4
     return out

@@ -14,9 +14,10 @@ x: state [q; v]: x [m], y [m], phi [rad], beta [rad], fork_forward [m/s], beta_r
 u: motor voltages: u_drive [V], u_steer [V]
 w: generalized forces on v, Fbar + taubar_d: w_fork_forward [N], w_beta_rate [N m]
 c: known constants: a [m], L [m]
-theta: base parameters: theta1 [V s/m], theta2 [V m s^2], theta3 [V s^2/m], theta4 [V s], theta5 [V s^2], theta6 [V
-    m s^2]
+v_r: reference pseudo-velocities: fork_forward_ref [m/s], beta_rate_ref [1/s]
 a: accelerations v': a_fork_forward [m/s^2], a_beta_rate [1/s^2]
+theta: base parameters: theta1 [V m s^2], theta2 [V s^2/m], theta3 [V m s^2], theta4 [V s/m], theta5 [V s^2], theta6
+    [V s]
 """
 
 from casadi import SX, Function, cos, sin
@@ -67,36 +68,36 @@ DEFAULTS = {
 }
 KNOWN = {"a": "m", "L": "m"}
 BASE_PARAMETERS = {
-    "theta1": "V s/m",
-    "theta2": "V m s^2",
-    "theta3": "V s^2/m",
-    "theta4": "V s",
+    "theta1": "V m s^2",
+    "theta2": "V s^2/m",
+    "theta3": "V m s^2",
+    "theta4": "V s/m",
     "theta5": "V s^2",
-    "theta6": "V m s^2",
+    "theta6": "V s",
 }
 BASE_PARAMETER_FORMULAS = {
-    "theta1": "K2/(K1*r)",
-    "theta2": "r*(I + I_f + 2*J_r*b**2/r_r**2 + a**2*(J_f/r**2 + m_f) + 2*b**2*m_r + d**2*m)/K1",
-    "theta3": "r*(J_f/r**2 + 2*J_r/r_r**2 + m + m_f + 2*m_r)/K1",
-    "theta4": "K2_s/K1_s",
+    "theta1": "r*(I + I_f + 2*J_r*b**2/r_r**2 + a**2*(J_f/r**2 + m_f) + 2*b**2*m_r + d**2*m)/K1",
+    "theta2": "r*(J_f/r**2 + 2*J_r/r_r**2 + m + m_f + 2*m_r)/K1",
+    "theta3": "I_f*r/K1",
+    "theta4": "K2/(K1*r)",
     "theta5": "I_f/K1_s",
-    "theta6": "I_f*r/K1",
+    "theta6": "K2_s/K1_s",
 }
 INVERSE_BASE_PARAMETERS = {
-    "pi1": "V s/m",
-    "pi2": "V m s^2",
-    "pi3": "V s^2/m",
-    "pi4": "V s",
+    "pi1": "V m s^2",
+    "pi2": "V s^2/m",
+    "pi3": "V m s^2",
+    "pi4": "V s/m",
     "pi5": "V s^2",
-    "pi6": "V m s^2",
+    "pi6": "V s",
 }
 INVERSE_BASE_PARAMETER_FORMULAS = {
-    "pi1": "K2/(K1*r)",
-    "pi2": "r*(I + I_f + 2*J_r*b**2/r_r**2 + a**2*(J_f/r**2 + m_f) + 2*b**2*m_r + d**2*m)/K1",
-    "pi3": "r*(J_f/r**2 + 2*J_r/r_r**2 + m + m_f + 2*m_r)/K1",
-    "pi4": "K2_s/K1_s",
+    "pi1": "r*(I + I_f + 2*J_r*b**2/r_r**2 + a**2*(J_f/r**2 + m_f) + 2*b**2*m_r + d**2*m)/K1",
+    "pi2": "r*(J_f/r**2 + 2*J_r/r_r**2 + m + m_f + 2*m_r)/K1",
+    "pi3": "I_f*r/K1",
+    "pi4": "K2/(K1*r)",
     "pi5": "I_f/K1_s",
-    "pi6": "I_f*r/K1",
+    "pi6": "K2_s/K1_s",
 }
 
 
@@ -543,29 +544,144 @@ def base_parameters(p):
     """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (17,)
-    Returns: shape (n_theta,) = (6,); 38 operations.
+    Returns: shape (n_theta,) = (6,); 33 operations.
     """
     r, r_r, a, b, d, m, m_f, m_r, I, I_f, J_f, J_r, K1, K2, K1_s, K2_s = (
         p[0], p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
     )
-    K1_inverse = 1/K1
-    term_1 = K1_inverse/r
     b_squared = b**2
-    r_squared = r**2
+    K1_inverse = 1/K1
     r_over_K1 = K1_inverse*r
-    term_2 = r_over_K1*(J_f/r_squared + m_f)
-    term_3 = 2*J_r*r_squared/r_r**2
-    term_4 = 2*m_r
-    inertia_body = I + b_squared*term_4 + d**2*m
-    mass_body = m + term_4
+    term_1 = r_over_K1*(J_f/r**2 + m_f)
+    term_2 = 2*J_r/r_r**2
+    term_3 = 2*m_r
+    inertia_body = I + b_squared*term_3 + d**2*m
+    mass_body = m + term_3
     K1_s_inverse = 1/K1_s
     out = _zeros((6,), p)
-    out[0] = K2*term_1
-    out[1] = a**2*term_2 + term_1*(I_f*r_squared + b_squared*term_3 + inertia_body*r_squared)
-    out[2] = -term_1*(-mass_body*r_squared - term_3) + term_2
-    out[3] = K1_s_inverse*K2_s
+    out[0] = a**2*term_1 + r_over_K1*(I_f + b_squared*term_2 + inertia_body)
+    out[1] = r_over_K1*(mass_body + term_2) + term_1
+    out[2] = I_f*r_over_K1
+    out[3] = K1_inverse*K2/r
     out[4] = I_f*K1_s_inverse
-    out[5] = I_f*r_over_K1
+    out[5] = K1_s_inverse*K2_s
+    return out
+
+
+@_function(q=4, c=2)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (4,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_u) = (2, 2); 0 operations.
+    """
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = out[1, 1] = 1
+    return out
+
+
+@_function(x=6, v_r=2, a=2, c=2)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (6,)
+    v_r: reference pseudo-velocities, (2,)
+    a: accelerations v', (2,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_pi) = (2, 6); 20 operations.
+    """
+    beta, beta_rate = x[3], x[5]
+    fork_forward_ref, beta_rate_ref = v_r[0], v_r[1]
+    a_fork_forward, a_beta_rate = a[0], a[1]
+    a_ = c[0]
+    a_inverse = 1/a_
+    cos_beta = cos(beta)
+    beta_rate_times_cos_beta = beta_rate*cos_beta
+    fork_turning_fork_forward_dot = a_inverse*beta_rate_times_cos_beta
+    term_1 = fork_forward_ref*fork_turning_fork_forward_dot
+    sin_beta = sin(beta)
+    fork_turning_fork_forward = a_inverse*sin_beta
+    out = _zeros((2, 6), x, v_r, a, c)
+    out[0, 0] = a_fork_forward*fork_turning_fork_forward**2 + fork_turning_fork_forward*term_1
+    out[0, 1] = a_fork_forward*cos_beta**2 - fork_forward_ref*sin_beta*beta_rate_times_cos_beta
+    out[0, 2] = a_beta_rate*fork_turning_fork_forward
+    out[0, 3] = fork_forward_ref
+    out[1, 4] = a_beta_rate + a_fork_forward*fork_turning_fork_forward + term_1
+    out[1, 5] = beta_rate_ref
+    return out
+
+
+@_function(x=6, c=2)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_pi) = (2, 6); 10 operations.
+    """
+    beta, fork_forward, beta_rate = x[3], x[4], x[5]
+    a = c[0]
+    fork_turning_fork_forward = sin(beta)/a
+    out = _zeros((2, 6), x, c)
+    out[0, 0] = fork_forward*fork_turning_fork_forward**2
+    out[0, 1] = cos(beta)**2*fork_forward
+    out[0, 2] = beta_rate*fork_turning_fork_forward
+    out[1, 4] = beta_rate + fork_forward*fork_turning_fork_forward
+    return out
+
+
+@_function(x=6, c=2)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_pi) = (2, 6); 13 operations.
+    """
+    beta, fork_forward, beta_rate = x[3], x[4], x[5]
+    a = c[0]
+    sin_beta = sin(beta)
+    a_inverse = 1/a
+    fork_turning_fork_forward = a_inverse*sin_beta
+    term_1 = beta_rate*cos(beta)
+    fork_turning_fork_forward_dot = a_inverse*term_1
+    out = _zeros((2, 6), x, c)
+    out[0, 0] = -fork_forward*fork_turning_fork_forward*fork_turning_fork_forward_dot
+    out[0, 1] = fork_forward*sin_beta*term_1
+    out[0, 2] = -beta_rate*fork_turning_fork_forward_dot
+    out[0, 3] = fork_forward
+    out[1, 5] = beta_rate
+    return out
+
+
+@_function(p=17)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (17,)
+    Returns: shape (n_pi,) = (6,); 33 operations.
+    """
+    r, r_r, a, b, d, m, m_f, m_r, I, I_f, J_f, J_r, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
+    b_squared = b**2
+    K1_inverse = 1/K1
+    r_over_K1 = K1_inverse*r
+    term_1 = r_over_K1*(J_f/r**2 + m_f)
+    term_2 = 2*J_r/r_r**2
+    term_3 = 2*m_r
+    inertia_body = I + b_squared*term_3 + d**2*m
+    mass_body = m + term_3
+    K1_s_inverse = 1/K1_s
+    out = _zeros((6,), p)
+    out[0] = a**2*term_1 + r_over_K1*(I_f + b_squared*term_2 + inertia_body)
+    out[1] = r_over_K1*(mass_body + term_2) + term_1
+    out[2] = I_f*r_over_K1
+    out[3] = K1_inverse*K2/r
+    out[4] = I_f*K1_s_inverse
+    out[5] = K1_s_inverse*K2_s
     return out
 
 
@@ -603,6 +719,71 @@ def output_jacobian(q, c):
     out[0, 3] = -term_1
     out[1, 2] = a*cos(phi) + term_2
     out[1, 3] = term_2
+    return out
+
+
+@_function(q=4, c=2)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (4,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n-m) = (2, 2); 22 operations.
+    """
+    phi, beta = q[2], q[3]
+    a, L = c[0], c[1]
+    sin_phi = sin(phi)
+    cos_beta = cos(beta)
+    cos_phi = cos(phi)
+    y1_dot_beta_rate = -L*sin(beta + phi)
+    fork_turning_fork_forward = sin(beta)/a
+    y1_dot_fork_forward = cos_beta*cos_phi + fork_turning_fork_forward*(-a*sin_phi + y1_dot_beta_rate)
+    y2_dot_beta_rate = L*cos(beta + phi)
+    y2_dot_fork_forward = cos_beta*sin_phi + fork_turning_fork_forward*(a*cos_phi + y2_dot_beta_rate)
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = y1_dot_fork_forward
+    out[0, 1] = y1_dot_beta_rate
+    out[1, 0] = y2_dot_fork_forward
+    out[1, 1] = y2_dot_beta_rate
+    return out
+
+
+@_function(x=6, c=2)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (6,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n-m) = (2, 2); 53 operations.
+    """
+    phi, beta, fork_forward, beta_rate = x[2], x[3], x[4], x[5]
+    a, L = c[0], c[1]
+    sin_beta = sin(beta)
+    sin_phi = sin(phi)
+    cos_beta = cos(beta)
+    cos_phi = cos(phi)
+    term_1 = L*sin(beta + phi)
+    term_2 = -a*sin_phi - term_1
+    term_3 = L*cos(beta + phi)
+    a_inverse = 1/a
+    fork_turning_fork_forward = a_inverse*sin_beta
+    term_4 = fork_turning_fork_forward*term_3
+    term_5 = a*cos_phi + term_3
+    term_6 = fork_forward*fork_turning_fork_forward
+    fork_turning_fork_forward_dot = a_inverse*beta_rate*cos_beta
+    y1_dot_fork_forward_dot = (
+        beta_rate*(-cos_phi*sin_beta - term_4) + fork_turning_fork_forward_dot*term_2
+        + term_6*(-cos_beta*sin_phi - fork_turning_fork_forward*term_5)
+    )
+    y2_dot_fork_forward_dot = (
+        beta_rate*(-fork_turning_fork_forward*term_1 - sin_beta*sin_phi) + fork_turning_fork_forward_dot*term_5
+        + term_6*(cos_beta*cos_phi + fork_turning_fork_forward*term_2)
+    )
+    out = _zeros((2, 2), x, c)
+    out[0, 0] = y1_dot_fork_forward_dot
+    out[0, 1] = -beta_rate*term_3 - fork_forward*term_4
+    out[1, 0] = y2_dot_fork_forward_dot
+    out[1, 1] = -beta_rate*term_1 - term_1*term_6
     return out
 
 
@@ -686,21 +867,21 @@ def lie_q_lie_f_h(x, theta, c):
     fork_turning_fork_forward = a_inverse*sin_beta
     fork_turning_fork_forward_squared = fork_turning_fork_forward**2
     cos_beta = cos(beta)
-    u_drive_per_fork_forward = cos_beta**2*theta3 + fork_turning_fork_forward_squared*theta2
-    effort_determinant = -fork_turning_fork_forward_squared*theta5*theta6 + theta5*u_drive_per_fork_forward
+    u_drive_per_fork_forward = cos_beta**2*theta2 + fork_turning_fork_forward_squared*theta1
+    effort_determinant = -fork_turning_fork_forward_squared*theta3*theta5 + theta5*u_drive_per_fork_forward
     effort_determinant_inverse = 1/effort_determinant
     beta_rate_times_cos_beta = beta_rate*cos_beta
     fork_turning_fork_forward_dot = a_inverse*beta_rate_times_cos_beta
     term_1 = fork_forward*fork_turning_fork_forward_dot
-    u_steer_hold = beta_rate*theta4 + term_1*theta5
+    u_steer_hold = beta_rate*theta6 + term_1*theta5
     term_2 = effort_determinant_inverse*u_steer_hold
     u_drive_hold = (
-        -fork_forward*sin_beta*beta_rate_times_cos_beta*theta3 + fork_forward*theta1
-        + fork_turning_fork_forward*term_1*theta2
+        -fork_forward*sin_beta*beta_rate_times_cos_beta*theta2 + fork_forward*theta4
+        + fork_turning_fork_forward*term_1*theta1
     )
     term_3 = effort_determinant_inverse*theta5*u_drive_hold
     term_4 = fork_turning_fork_forward*term_3 - term_2*u_drive_per_fork_forward
-    term_5 = fork_turning_fork_forward*term_2*theta6 - term_3
+    term_5 = fork_turning_fork_forward*term_2*theta3 - term_3
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     y1_dot_beta_rate = -L*sin(beta + phi)
@@ -723,20 +904,20 @@ def decoupling_matrix(x, theta, c):
     Returns: shape (n-m, n_u) = (2, 2); 52 operations.
     """
     phi, beta = x[2], x[3]
-    theta2, theta3, theta5, theta6 = theta[1], theta[2], theta[4], theta[5]
+    theta1, theta2, theta3, theta5 = theta[0], theta[1], theta[2], theta[4]
     a, L = c[0], c[1]
     fork_turning_fork_forward = sin(beta)/a
     fork_turning_fork_forward_squared = fork_turning_fork_forward**2
     cos_beta = cos(beta)
-    u_drive_per_fork_forward = cos_beta**2*theta3 + fork_turning_fork_forward_squared*theta2
-    effort_determinant = -fork_turning_fork_forward_squared*theta5*theta6 + theta5*u_drive_per_fork_forward
+    u_drive_per_fork_forward = cos_beta**2*theta2 + fork_turning_fork_forward_squared*theta1
+    effort_determinant = -fork_turning_fork_forward_squared*theta3*theta5 + theta5*u_drive_per_fork_forward
     effort_determinant_inverse = 1/effort_determinant
     term_1 = effort_determinant_inverse*fork_turning_fork_forward*theta5
     sin_phi = sin(phi)
     cos_phi = cos(phi)
     y1_dot_beta_rate = -L*sin(beta + phi)
     y1_dot_fork_forward = cos_beta*cos_phi + fork_turning_fork_forward*(-a*sin_phi + y1_dot_beta_rate)
-    term_2 = effort_determinant_inverse*fork_turning_fork_forward*theta6
+    term_2 = effort_determinant_inverse*fork_turning_fork_forward*theta3
     y2_dot_beta_rate = L*cos(beta + phi)
     y2_dot_fork_forward = cos_beta*sin_phi + fork_turning_fork_forward*(a*cos_phi + y2_dot_beta_rate)
     out = _zeros((2, 2), x, theta, c)
@@ -767,12 +948,12 @@ def inverse_regressor(x, a, c):
     sin_beta = sin(beta)
     fork_turning_fork_forward = a_inverse*sin_beta
     out = _zeros((2, 6), x, a, c)
-    out[0, 0] = fork_forward
-    out[0, 1] = a_fork_forward*fork_turning_fork_forward**2 + fork_turning_fork_forward*term_1
-    out[0, 2] = a_fork_forward*cos_beta**2 - fork_forward*sin_beta*beta_rate_times_cos_beta
-    out[0, 5] = a_beta_rate*fork_turning_fork_forward
-    out[1, 3] = beta_rate
+    out[0, 0] = a_fork_forward*fork_turning_fork_forward**2 + fork_turning_fork_forward*term_1
+    out[0, 1] = a_fork_forward*cos_beta**2 - fork_forward*sin_beta*beta_rate_times_cos_beta
+    out[0, 2] = a_beta_rate*fork_turning_fork_forward
+    out[0, 3] = fork_forward
     out[1, 4] = a_beta_rate + a_fork_forward*fork_turning_fork_forward + term_1
+    out[1, 5] = beta_rate
     return out
 
 
@@ -781,27 +962,25 @@ def inverse_base_parameters(p):
     """pi(p) of u = Y_u pi; equation (14) inverted.
 
     p: physical parameters, (17,)
-    Returns: shape (n_pi,) = (6,); 38 operations.
+    Returns: shape (n_pi,) = (6,); 33 operations.
     """
     r, r_r, a, b, d, m, m_f, m_r, I, I_f, J_f, J_r, K1, K2, K1_s, K2_s = (
         p[0], p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
     )
-    K1_inverse = 1/K1
-    term_1 = K1_inverse/r
     b_squared = b**2
-    r_squared = r**2
+    K1_inverse = 1/K1
     r_over_K1 = K1_inverse*r
-    term_2 = r_over_K1*(J_f/r_squared + m_f)
-    term_3 = 2*J_r*r_squared/r_r**2
-    term_4 = 2*m_r
-    inertia_body = I + b_squared*term_4 + d**2*m
-    mass_body = m + term_4
+    term_1 = r_over_K1*(J_f/r**2 + m_f)
+    term_2 = 2*J_r/r_r**2
+    term_3 = 2*m_r
+    inertia_body = I + b_squared*term_3 + d**2*m
+    mass_body = m + term_3
     K1_s_inverse = 1/K1_s
     out = _zeros((6,), p)
-    out[0] = K2*term_1
-    out[1] = a**2*term_2 + term_1*(I_f*r_squared + b_squared*term_3 + inertia_body*r_squared)
-    out[2] = -term_1*(-mass_body*r_squared - term_3) + term_2
-    out[3] = K1_s_inverse*K2_s
+    out[0] = a**2*term_1 + r_over_K1*(I_f + b_squared*term_2 + inertia_body)
+    out[1] = r_over_K1*(mass_body + term_2) + term_1
+    out[2] = I_f*r_over_K1
+    out[3] = K1_inverse*K2/r
     out[4] = I_f*K1_s_inverse
-    out[5] = I_f*r_over_K1
+    out[5] = K1_s_inverse*K2_s
     return out

@@ -15,9 +15,10 @@ x: state [q; v]: x [m], y [m], phi [rad], beta1 [rad], beta2 [rad], front_forwar
 u: motor voltages: u_drive [V], u_front [V], u_rear [V]
 w: generalized forces on v, Fbar + taubar_d: w_front_forward [N], w_beta1_rate [N m], w_beta2_rate [N m]
 c: known constants: a [m], L [m]
-theta: base parameters: theta1 [V s/m], theta2 [V s^2/m], theta3 [V s^2], theta4 [V m s^2], theta5 [V s], theta6 [V
-    s^2], theta7 [V m s^2]
+v_r: reference pseudo-velocities: front_forward_ref [m/s], beta1_rate_ref [1/s], beta2_rate_ref [1/s]
 a: accelerations v': a_front_forward [m/s^2], a_beta1_rate [1/s^2], a_beta2_rate [1/s^2]
+theta: base parameters: theta1 [V s^2/m], theta2 [V m s^2], theta3 [V s^2], theta4 [V m s^2], theta5 [V s/m], theta6
+    [V s^2], theta7 [V s]
 """
 
 from casadi import SX, Function, cos, sin
@@ -69,40 +70,40 @@ DEFAULTS = {
 }
 KNOWN = {"a": "m", "L": "m"}
 BASE_PARAMETERS = {
-    "theta1": "V s/m",
-    "theta2": "V s^2/m",
+    "theta1": "V s^2/m",
+    "theta2": "V m s^2",
     "theta3": "V s^2",
     "theta4": "V m s^2",
-    "theta5": "V s",
+    "theta5": "V s/m",
     "theta6": "V s^2",
-    "theta7": "V m s^2",
+    "theta7": "V s",
 }
 BASE_PARAMETER_FORMULAS = {
-    "theta1": "K2/(K1*r)",
-    "theta2": "(m*r + 2*(J + m_w*r**2)/r)/K1",
-    "theta3": "d*m*r/K1",
-    "theta4": "(2*a**2*(J + m_w*r**2)/r + r*(I + 2*I_w + d**2*m))/K1",
-    "theta5": "K2_s/K1_s",
+    "theta1": "r*(2*J/r**2 + m + 2*m_w)/K1",
+    "theta2": "r*(I + 2*I_w + 2*a**2*(J/r**2 + m_w) + d**2*m)/K1",
+    "theta3": "2*d*m*r/K1",
+    "theta4": "I_w*r/K1",
+    "theta5": "K2/(K1*r)",
     "theta6": "I_w/K1_s",
-    "theta7": "I_w*r/K1",
+    "theta7": "K2_s/K1_s",
 }
 INVERSE_BASE_PARAMETERS = {
-    "pi1": "V s/m",
-    "pi2": "V s^2/m",
+    "pi1": "V s^2/m",
+    "pi2": "V m s^2",
     "pi3": "V s^2",
     "pi4": "V m s^2",
-    "pi5": "V s",
+    "pi5": "V s/m",
     "pi6": "V s^2",
-    "pi7": "V m s^2",
+    "pi7": "V s",
 }
 INVERSE_BASE_PARAMETER_FORMULAS = {
-    "pi1": "K2/(K1*r)",
-    "pi2": "(m*r + 2*(J + m_w*r**2)/r)/K1",
-    "pi3": "d*m*r/K1",
-    "pi4": "(2*a**2*(J + m_w*r**2)/r + r*(I + 2*I_w + d**2*m))/K1",
-    "pi5": "K2_s/K1_s",
+    "pi1": "r*(2*J/r**2 + m + 2*m_w)/K1",
+    "pi2": "r*(I + 2*I_w + 2*a**2*(J/r**2 + m_w) + d**2*m)/K1",
+    "pi3": "2*d*m*r/K1",
+    "pi4": "I_w*r/K1",
+    "pi5": "K2/(K1*r)",
     "pi6": "I_w/K1_s",
-    "pi7": "I_w*r/K1",
+    "pi7": "K2_s/K1_s",
 }
 
 
@@ -821,27 +822,193 @@ def base_parameters(p):
     """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (13,)
-    Returns: shape (n_theta,) = (7,); 27 operations.
+    Returns: shape (n_theta,) = (7,); 26 operations.
     """
     r, a, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = (
         p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12]
     )
     K1_inverse = 1/K1
-    term_1 = K1_inverse/r
     r_over_K1 = K1_inverse*r
     m_times_r_over_K1 = m*r_over_K1
-    r_squared = r**2
-    term_2 = 2*term_1*(J + m_w*r_squared)
+    term_1 = 2*r_over_K1*(J/r**2 + m_w)
     inertia_platform = I + d**2*m
     K1_s_inverse = 1/K1_s
     out = _zeros((7,), p)
-    out[0] = K2*term_1
-    out[1] = m_times_r_over_K1 + term_2
-    out[2] = d*m_times_r_over_K1
-    out[3] = a**2*term_2 + term_1*(2*I_w*r_squared + inertia_platform*r_squared)
-    out[4] = K1_s_inverse*K2_s
+    out[0] = m_times_r_over_K1 + term_1
+    out[1] = a**2*term_1 + r_over_K1*(2*I_w + inertia_platform)
+    out[2] = 2*d*m_times_r_over_K1
+    out[3] = I_w*r_over_K1
+    out[4] = K1_inverse*K2/r
     out[5] = I_w*K1_s_inverse
-    out[6] = I_w*r_over_K1
+    out[6] = K1_s_inverse*K2_s
+    return out
+
+
+@_function(q=5, c=2)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (5,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_u) = (3, 3); 0 operations.
+    """
+    out = _zeros((3, 3), q, c)
+    out[0, 0] = out[1, 1] = out[2, 2] = 1
+    return out
+
+
+@_function(x=8, v_r=3, a=3, c=2)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (8,)
+    v_r: reference pseudo-velocities, (3,)
+    a: accelerations v', (3,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_pi) = (3, 7); 67 operations.
+    """
+    beta1, beta2, beta1_rate, beta2_rate = x[3], x[4], x[6], x[7]
+    front_forward_ref, beta1_rate_ref, beta2_rate_ref = v_r[0], v_r[1], v_r[2]
+    a_front_forward, a_beta1_rate, a_beta2_rate = a[0], a[1], a[2]
+    a_ = c[0]
+    cos_beta1 = cos(beta1)
+    sin_beta1_beta2 = sin(beta1 + beta2)
+    cos_beta2 = cos(beta2)
+    term_1 = 1/(2*cos_beta2)
+    platform_lateral_front_forward = sin_beta1_beta2*term_1
+    sin_beta2 = sin(beta2)
+    term_2 = cos(beta1 + beta2)*term_1
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
+    platform_lateral_front_forward_dot = (
+        beta1_rate*term_2 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_2)
+    )
+    sin_beta1_minus_beta2 = sin(beta1 - beta2)
+    a_inverse = 1/a_
+    term_3 = a_inverse*term_1
+    term_4 = cos(beta1 - beta2)*term_3
+    rear_turning_front_forward_dot = (
+        beta1_rate*term_4 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_4)
+    )
+    term_5 = front_forward_ref*rear_turning_front_forward_dot
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_3
+    term_6 = a_front_forward*rear_turning_front_forward
+    term_7 = term_5 + term_6
+    out = _zeros((3, 7), x, v_r, a, c)
+    out[0, 0] = (
+        a_front_forward*(cos_beta1**2 + platform_lateral_front_forward**2)
+        + front_forward_ref*(-beta1_rate*cos_beta1*sin(beta1)
+        + platform_lateral_front_forward*platform_lateral_front_forward_dot)
+    )
+    out[0, 1] = a_front_forward*rear_turning_front_forward**2 + rear_turning_front_forward*term_5
+    out[0, 2] = (
+        front_forward_ref*(platform_lateral_front_forward*rear_turning_front_forward_dot/2
+        + platform_lateral_front_forward_dot*rear_turning_front_forward/2) + platform_lateral_front_forward*term_6
+    )
+    out[0, 3] = a_beta1_rate*rear_turning_front_forward + a_beta2_rate*rear_turning_front_forward
+    out[0, 4] = front_forward_ref
+    out[1, 5] = a_beta1_rate + term_7
+    out[1, 6] = beta1_rate_ref
+    out[2, 5] = a_beta2_rate + term_7
+    out[2, 6] = beta2_rate_ref
+    return out
+
+
+@_function(x=8, c=2)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (8,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_pi) = (3, 7); 24 operations.
+    """
+    beta1, beta2, front_forward, beta1_rate, beta2_rate = x[3], x[4], x[5], x[6], x[7]
+    a = c[0]
+    term_1 = 1/(2*cos(beta2))
+    platform_lateral_front_forward = sin(beta1 + beta2)*term_1
+    rear_turning_front_forward = sin(beta1 - beta2)*term_1/a
+    term_2 = front_forward*rear_turning_front_forward
+    out = _zeros((3, 7), x, c)
+    out[0, 0] = front_forward*(cos(beta1)**2 + platform_lateral_front_forward**2)
+    out[0, 1] = front_forward*rear_turning_front_forward**2
+    out[0, 2] = platform_lateral_front_forward*term_2
+    out[0, 3] = beta1_rate*rear_turning_front_forward + beta2_rate*rear_turning_front_forward
+    out[1, 5] = beta1_rate + term_2
+    out[2, 5] = beta2_rate + term_2
+    return out
+
+
+@_function(x=8, c=2)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (8,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_pi) = (3, 7); 58 operations.
+    """
+    beta1, beta2, front_forward, beta1_rate, beta2_rate = x[3], x[4], x[5], x[6], x[7]
+    a = c[0]
+    sin_beta1_beta2 = sin(beta1 + beta2)
+    cos_beta2 = cos(beta2)
+    term_1 = 1/(2*cos_beta2)
+    platform_lateral_front_forward = sin_beta1_beta2*term_1
+    sin_beta2 = sin(beta2)
+    term_2 = cos(beta1 + beta2)*term_1
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
+    platform_lateral_front_forward_dot = (
+        beta1_rate*term_2 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_2)
+    )
+    sin_beta1_minus_beta2 = sin(beta1 - beta2)
+    a_inverse = 1/a
+    term_3 = a_inverse*term_1
+    term_4 = cos(beta1 - beta2)*term_3
+    rear_turning_front_forward_dot = (
+        beta1_rate*term_4 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_4)
+    )
+    term_5 = front_forward*rear_turning_front_forward_dot
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_3
+    term_6 = platform_lateral_front_forward_dot*rear_turning_front_forward
+    out = _zeros((3, 7), x, c)
+    out[0, 0] = (
+        front_forward*(beta1_rate*sin(2*beta1)/2 - platform_lateral_front_forward*platform_lateral_front_forward_dot)
+    )
+    out[0, 1] = -rear_turning_front_forward*term_5
+    out[0, 2] = (
+        -front_forward*term_6
+        + front_forward*(platform_lateral_front_forward*rear_turning_front_forward_dot/2 + term_6/2)
+        - platform_lateral_front_forward*term_5
+    )
+    out[0, 3] = -rear_turning_front_forward_dot*(beta1_rate + beta2_rate)
+    out[0, 4] = front_forward
+    out[1, 6] = beta1_rate
+    out[2, 6] = beta2_rate
+    return out
+
+
+@_function(p=13)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (13,)
+    Returns: shape (n_pi,) = (7,); 26 operations.
+    """
+    r, a, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = (
+        p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12]
+    )
+    K1_inverse = 1/K1
+    r_over_K1 = K1_inverse*r
+    m_times_r_over_K1 = m*r_over_K1
+    term_1 = 2*r_over_K1*(J/r**2 + m_w)
+    inertia_platform = I + d**2*m
+    K1_s_inverse = 1/K1_s
+    out = _zeros((7,), p)
+    out[0] = m_times_r_over_K1 + term_1
+    out[1] = a**2*term_1 + r_over_K1*(2*I_w + inertia_platform)
+    out[2] = 2*d*m_times_r_over_K1
+    out[3] = I_w*r_over_K1
+    out[4] = K1_inverse*K2/r
+    out[5] = I_w*K1_s_inverse
+    out[6] = K1_s_inverse*K2_s
     return out
 
 
@@ -880,6 +1047,104 @@ def output_jacobian(q, c):
     out[0, 3] = -term_1
     out[1, 2] = a*cos(phi) + term_2
     out[1, 3] = term_2
+    return out
+
+
+@_function(q=5, c=2)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (5,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n-m) = (3, 3); 34 operations.
+    """
+    phi, beta1, beta2 = q[2], q[3], q[4]
+    a, L = c[0], c[1]
+    sin_phi = sin(phi)
+    y1_dot_beta1_rate = -L*sin(beta1 + phi)
+    term_1 = 1/(2*cos(beta2))
+    rear_turning_front_forward = sin(beta1 - beta2)*term_1/a
+    cos_beta1 = cos(beta1)
+    cos_phi = cos(phi)
+    platform_lateral_front_forward = sin(beta1 + beta2)*term_1
+    x_dot_front_forward = cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi
+    y1_dot_front_forward = rear_turning_front_forward*(-a*sin_phi + y1_dot_beta1_rate) + x_dot_front_forward
+    y_dot_front_forward = cos_beta1*sin_phi + cos_phi*platform_lateral_front_forward
+    y2_dot_beta1_rate = L*cos(beta1 + phi)
+    y2_dot_front_forward = rear_turning_front_forward*(a*cos_phi + y2_dot_beta1_rate) + y_dot_front_forward
+    out = _zeros((3, 3), q, c)
+    out[0, 0] = y1_dot_front_forward
+    out[0, 1] = y1_dot_beta1_rate
+    out[1, 0] = y2_dot_front_forward
+    out[1, 1] = y2_dot_beta1_rate
+    out[2, 0] = rear_turning_front_forward
+    out[2, 2] = 1
+    return out
+
+
+@_function(x=8, c=2)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (8,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n-m) = (3, 3); 92 operations.
+    """
+    phi, beta1, beta2, front_forward, beta1_rate, beta2_rate = x[2], x[3], x[4], x[5], x[6], x[7]
+    a, L = c[0], c[1]
+    term_1 = L*cos(beta1 + phi)
+    term_2 = beta1_rate*term_1
+    sin_phi = sin(phi)
+    term_3 = L*sin(beta1 + phi)
+    term_4 = -a*sin_phi - term_3
+    cos_phi = cos(phi)
+    term_5 = a*cos_phi + term_1
+    sin_beta1_minus_beta2 = sin(beta1 - beta2)
+    cos_beta2 = cos(beta2)
+    term_6 = 1/(2*cos_beta2)
+    a_inverse = 1/a
+    term_7 = a_inverse*term_6
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_7
+    term_8 = front_forward*rear_turning_front_forward**2
+    sin_beta2 = sin(beta2)
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
+    term_9 = cos(beta1 - beta2)*term_7
+    rear_turning_front_forward_dot = (
+        beta1_rate*term_9 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_9)
+    )
+    cos_beta1 = cos(beta1)
+    term_10 = beta1_rate*sin(beta1)
+    sin_beta1_beta2 = sin(beta1 + beta2)
+    platform_lateral_front_forward = sin_beta1_beta2*term_6
+    term_11 = cos(beta1 + beta2)*term_6
+    platform_lateral_front_forward_dot = (
+        beta1_rate*term_11 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_11)
+    )
+    x_dot_front_forward_dot = (
+        -cos_phi*term_10
+        + front_forward*rear_turning_front_forward*(-cos_beta1*sin_phi - cos_phi*platform_lateral_front_forward)
+        - platform_lateral_front_forward_dot*sin_phi
+    )
+    y1_dot_front_forward_dot = (
+        -rear_turning_front_forward*term_2 + rear_turning_front_forward_dot*term_4 - term_5*term_8
+        + x_dot_front_forward_dot
+    )
+    term_12 = front_forward*rear_turning_front_forward
+    term_13 = beta1_rate*term_3
+    y_dot_front_forward_dot = (
+        cos_phi*platform_lateral_front_forward_dot - sin_phi*term_10
+        + term_12*(cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi)
+    )
+    y2_dot_front_forward_dot = (
+        -rear_turning_front_forward*term_13 + rear_turning_front_forward_dot*term_5 + term_4*term_8
+        + y_dot_front_forward_dot
+    )
+    out = _zeros((3, 3), x, c)
+    out[0, 0] = y1_dot_front_forward_dot
+    out[0, 1] = -term_1*term_12 - term_2
+    out[1, 0] = y2_dot_front_forward_dot
+    out[1, 1] = -term_12*term_3 - term_13
+    out[2, 0] = rear_turning_front_forward_dot
     return out
 
 
@@ -1000,13 +1265,13 @@ def lie_q_lie_f_h(x, theta, c):
     term_2 = a_inverse*term_1
     rear_turning_front_forward = sin_beta1_minus_beta2*term_2
     rear_turning_front_forward_squared = rear_turning_front_forward**2
-    term_3 = rear_turning_front_forward_squared*theta7
+    term_3 = rear_turning_front_forward_squared*theta4
     cos_beta1 = cos(beta1)
     sin_beta1_beta2 = sin(beta1 + beta2)
     platform_lateral_front_forward = sin_beta1_beta2*term_1
     u_drive_per_front_forward = (
-        2*platform_lateral_front_forward*rear_turning_front_forward*theta3 + rear_turning_front_forward_squared*theta4
-        + theta2*(cos_beta1**2 + platform_lateral_front_forward**2)
+        platform_lateral_front_forward*rear_turning_front_forward*theta3 + rear_turning_front_forward_squared*theta2
+        + theta1*(cos_beta1**2 + platform_lateral_front_forward**2)
     )
     effort_determinant = -2*term_3*theta6_squared + theta6_squared*u_drive_per_front_forward
     effort_determinant_inverse = 1/effort_determinant
@@ -1016,30 +1281,30 @@ def lie_q_lie_f_h(x, theta, c):
     rear_turning_front_forward_dot = (
         beta1_rate*term_4 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_4)
     )
-    term_5 = front_forward*rear_turning_front_forward_dot*theta6
-    u_front_hold = beta1_rate*theta5 + term_5
-    term_6 = effort_determinant_inverse*u_front_hold
-    term_7 = rear_turning_front_forward*theta6*theta7
-    u_rear_hold = beta2_rate*theta5 + term_5
-    term_8 = effort_determinant_inverse*u_rear_hold
-    term_9 = front_forward*rear_turning_front_forward
+    term_5 = front_forward*rear_turning_front_forward_dot
+    term_6 = term_5*theta6
+    u_front_hold = beta1_rate*theta7 + term_6
+    term_7 = effort_determinant_inverse*u_front_hold
+    term_8 = rear_turning_front_forward*theta4*theta6
+    u_rear_hold = beta2_rate*theta7 + term_6
+    term_9 = effort_determinant_inverse*u_rear_hold
     term_10 = cos(beta1 + beta2)*term_1
     platform_lateral_front_forward_dot = (
         beta1_rate*term_10 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_10)
     )
     u_drive_hold = (
-        front_forward*theta1 + rear_turning_front_forward_dot*term_9*theta4
-        + theta2*(-beta1_rate*cos_beta1*front_forward*sin(beta1)
-        + front_forward*platform_lateral_front_forward*platform_lateral_front_forward_dot)
-        + theta3*(front_forward*platform_lateral_front_forward*rear_turning_front_forward_dot
-        + platform_lateral_front_forward_dot*term_9)
+        front_forward*theta1*(-beta1_rate*sin(2*beta1)/2
+        + platform_lateral_front_forward*platform_lateral_front_forward_dot)
+        + front_forward*theta3*(platform_lateral_front_forward*rear_turning_front_forward_dot/2
+        + platform_lateral_front_forward_dot*rear_turning_front_forward/2) + front_forward*theta5
+        + rear_turning_front_forward*term_5*theta2
     )
     term_11 = effort_determinant_inverse*theta6_squared*u_drive_hold
-    term_12 = term_6*term_7 + term_7*term_8 - term_11
+    term_12 = term_7*term_8 + term_8*term_9 - term_11
     term_13 = term_3*theta6
     term_14 = effort_determinant_inverse*(-term_13 + theta6*u_drive_per_front_forward)
     term_15 = (
-        effort_determinant_inverse*rear_turning_front_forward*theta6_squared*u_drive_hold - term_8*term_13
+        effort_determinant_inverse*rear_turning_front_forward*theta6_squared*u_drive_hold - term_9*term_13
         - term_14*u_front_hold
     )
     sin_phi = sin(phi)
@@ -1054,7 +1319,7 @@ def lie_q_lie_f_h(x, theta, c):
     out[0] = term_12*y1_dot_front_forward + term_15*y1_dot_beta1_rate
     out[1] = term_12*y2_dot_front_forward + term_15*y2_dot_beta1_rate
     out[2] = (
-        rear_turning_front_forward*term_11 + rear_turning_front_forward*term_12 - term_6*term_13 - term_14*u_rear_hold
+        rear_turning_front_forward*term_11 + rear_turning_front_forward*term_12 - term_7*term_13 - term_14*u_rear_hold
     )
     return out
 
@@ -1066,21 +1331,21 @@ def decoupling_matrix(x, theta, c):
     x: state [q; v], (8,)
     theta: base parameters, (7,)
     c: known constants, (2,)
-    Returns: shape (n-m, n_u) = (3, 3); 83 operations.
+    Returns: shape (n-m, n_u) = (3, 3); 82 operations.
     """
     phi, beta1, beta2 = x[2], x[3], x[4]
-    theta2, theta3, theta4, theta6, theta7 = theta[1], theta[2], theta[3], theta[5], theta[6]
+    theta1, theta2, theta3, theta4, theta6 = theta[0], theta[1], theta[2], theta[3], theta[5]
     a, L = c[0], c[1]
     theta6_squared = theta6**2
     term_1 = 1/(2*cos(beta2))
     rear_turning_front_forward = sin(beta1 - beta2)*term_1/a
     rear_turning_front_forward_squared = rear_turning_front_forward**2
-    term_2 = rear_turning_front_forward_squared*theta7
+    term_2 = rear_turning_front_forward_squared*theta4
     cos_beta1 = cos(beta1)
     platform_lateral_front_forward = sin(beta1 + beta2)*term_1
     u_drive_per_front_forward = (
-        2*platform_lateral_front_forward*rear_turning_front_forward*theta3 + rear_turning_front_forward_squared*theta4
-        + theta2*(cos_beta1**2 + platform_lateral_front_forward**2)
+        platform_lateral_front_forward*rear_turning_front_forward*theta3 + rear_turning_front_forward_squared*theta2
+        + theta1*(cos_beta1**2 + platform_lateral_front_forward**2)
     )
     effort_determinant = -2*term_2*theta6_squared + theta6_squared*u_drive_per_front_forward
     effort_determinant_inverse = 1/effort_determinant
@@ -1090,7 +1355,7 @@ def decoupling_matrix(x, theta, c):
     cos_phi = cos(phi)
     x_dot_front_forward = cos_beta1*cos_phi - platform_lateral_front_forward*sin_phi
     y1_dot_front_forward = rear_turning_front_forward*(-a*sin_phi + y1_dot_beta1_rate) + x_dot_front_forward
-    term_4 = effort_determinant_inverse*rear_turning_front_forward*theta6*theta7
+    term_4 = effort_determinant_inverse*rear_turning_front_forward*theta4*theta6
     term_5 = term_4*y1_dot_front_forward
     term_6 = term_2*theta6
     term_7 = -term_6 + theta6*u_drive_per_front_forward
@@ -1117,50 +1382,48 @@ def inverse_regressor(x, a, c):
     x: state [q; v], (8,)
     a: accelerations v', (3,)
     c: known constants, (2,)
-    Returns: shape (n_u, n_pi) = (3, 7); 66 operations.
+    Returns: shape (n_u, n_pi) = (3, 7); 68 operations.
     """
     beta1, beta2, front_forward, beta1_rate, beta2_rate = x[3], x[4], x[5], x[6], x[7]
     a_front_forward, a_beta1_rate, a_beta2_rate = a[0], a[1], a[2]
     a_ = c[0]
-    cos_beta1 = cos(beta1)
-    sin_beta2 = sin(beta2)
     sin_beta1_beta2 = sin(beta1 + beta2)
     cos_beta2 = cos(beta2)
     term_1 = 1/(2*cos_beta2)
+    platform_lateral_front_forward = sin_beta1_beta2*term_1
+    sin_beta2 = sin(beta2)
     term_2 = cos(beta1 + beta2)*term_1
     cos_beta2_squared_inverse = 1/(cos_beta2**2)
     platform_lateral_front_forward_dot = (
         beta1_rate*term_2 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_2)
     )
-    term_3 = front_forward*platform_lateral_front_forward_dot
-    platform_lateral_front_forward = sin_beta1_beta2*term_1
     sin_beta1_minus_beta2 = sin(beta1 - beta2)
     a_inverse = 1/a_
-    term_4 = a_inverse*term_1
-    term_5 = cos(beta1 - beta2)*term_4
+    term_3 = a_inverse*term_1
+    term_4 = cos(beta1 - beta2)*term_3
     rear_turning_front_forward_dot = (
-        beta1_rate*term_5 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_5)
+        beta1_rate*term_4 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_4)
     )
-    term_6 = front_forward*rear_turning_front_forward_dot
-    rear_turning_front_forward = sin_beta1_minus_beta2*term_4
-    term_7 = a_front_forward*rear_turning_front_forward
-    term_8 = term_6 + term_7
+    term_5 = front_forward*rear_turning_front_forward_dot
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_3
+    term_6 = a_front_forward*rear_turning_front_forward
+    term_7 = term_5 + term_6
     out = _zeros((3, 7), x, a, c)
-    out[0, 0] = front_forward
-    out[0, 1] = (
-        a_front_forward*(cos_beta1**2 + platform_lateral_front_forward**2)
-        - beta1_rate*cos_beta1*front_forward*sin(beta1) + platform_lateral_front_forward*term_3
+    out[0, 0] = (
+        a_front_forward*(cos(beta1)**2 + platform_lateral_front_forward**2)
+        + front_forward*(-beta1_rate*sin(2*beta1)/2 + platform_lateral_front_forward*platform_lateral_front_forward_dot)
     )
+    out[0, 1] = a_front_forward*rear_turning_front_forward**2 + rear_turning_front_forward*term_5
     out[0, 2] = (
-        platform_lateral_front_forward*term_6 + 2*platform_lateral_front_forward*term_7
-        + rear_turning_front_forward*term_3
+        front_forward*(platform_lateral_front_forward*rear_turning_front_forward_dot/2
+        + platform_lateral_front_forward_dot*rear_turning_front_forward/2) + platform_lateral_front_forward*term_6
     )
-    out[0, 3] = a_front_forward*rear_turning_front_forward**2 + rear_turning_front_forward*term_6
-    out[0, 6] = a_beta1_rate*rear_turning_front_forward + a_beta2_rate*rear_turning_front_forward
-    out[1, 4] = beta1_rate
-    out[1, 5] = a_beta1_rate + term_8
-    out[2, 4] = beta2_rate
-    out[2, 5] = a_beta2_rate + term_8
+    out[0, 3] = a_beta1_rate*rear_turning_front_forward + a_beta2_rate*rear_turning_front_forward
+    out[0, 4] = front_forward
+    out[1, 5] = a_beta1_rate + term_7
+    out[1, 6] = beta1_rate
+    out[2, 5] = a_beta2_rate + term_7
+    out[2, 6] = beta2_rate
     return out
 
 
@@ -1169,25 +1432,23 @@ def inverse_base_parameters(p):
     """pi(p) of u = Y_u pi; equation (14) inverted.
 
     p: physical parameters, (13,)
-    Returns: shape (n_pi,) = (7,); 27 operations.
+    Returns: shape (n_pi,) = (7,); 26 operations.
     """
     r, a, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = (
         p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12]
     )
     K1_inverse = 1/K1
-    term_1 = K1_inverse/r
     r_over_K1 = K1_inverse*r
     m_times_r_over_K1 = m*r_over_K1
-    r_squared = r**2
-    term_2 = 2*term_1*(J + m_w*r_squared)
+    term_1 = 2*r_over_K1*(J/r**2 + m_w)
     inertia_platform = I + d**2*m
     K1_s_inverse = 1/K1_s
     out = _zeros((7,), p)
-    out[0] = K2*term_1
-    out[1] = m_times_r_over_K1 + term_2
-    out[2] = d*m_times_r_over_K1
-    out[3] = a**2*term_2 + term_1*(2*I_w*r_squared + inertia_platform*r_squared)
-    out[4] = K1_s_inverse*K2_s
+    out[0] = m_times_r_over_K1 + term_1
+    out[1] = a**2*term_1 + r_over_K1*(2*I_w + inertia_platform)
+    out[2] = 2*d*m_times_r_over_K1
+    out[3] = I_w*r_over_K1
+    out[4] = K1_inverse*K2/r
     out[5] = I_w*K1_s_inverse
-    out[6] = I_w*r_over_K1
+    out[6] = K1_s_inverse*K2_s
     return out

@@ -14,8 +14,9 @@ x: state [q; v]: x [m], y [m], phi [rad], v [m/s], omega [rad/s]
 u: motor voltages: u_r [V], u_l [V]
 w: generalized forces on v, Fbar + taubar_d: w_v [N], w_omega [N m]
 c: known constants: L [m]
-theta: base parameters: theta1 [1/s], theta2 [m], theta3 [1/s], theta4 [1/m], theta5 [m/(V s^2)], theta6 [1/(V s^2)]
+v_r: reference pseudo-velocities: v_ref [m/s], omega_ref [1/s]
 a: accelerations v': a_v [m/s^2], a_omega [1/s^2]
+theta: base parameters: theta1 [1/s], theta2 [m], theta3 [1/s], theta4 [1/m], theta5 [m/(V s^2)], theta6 [1/(V s^2)]
 """
 
 from casadi import SX, Function, cos, sin
@@ -68,20 +69,20 @@ BASE_PARAMETER_FORMULAS = {
     "theta6": "K1*b/(r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C))",
 }
 INVERSE_BASE_PARAMETERS = {
-    "pi1": "V s",
+    "pi1": "V s^2/m",
     "pi2": "V s/m",
     "pi3": "V s^2",
-    "pi4": "V s^2/m",
+    "pi4": "V s^2",
     "pi5": "V s^2/m",
-    "pi6": "V s^2",
+    "pi6": "V s",
 }
 INVERSE_BASE_PARAMETER_FORMULAS = {
-    "pi1": "K2*b/(K1*r)",
-    "pi2": "K2/(K1*r)",
-    "pi3": "d*m_C*r/(2*K1)",
-    "pi4": "d*m_C*r/(2*K1*b)",
-    "pi5": "r*(m_C + 2*m_w)/(2*K1)",
-    "pi6": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C)/(2*K1*b)",
+    "pi1": "r*(m_C + 2*m_w)/K1",
+    "pi2": "2*K2/(K1*r)",
+    "pi3": "d*m_C*r/K1",
+    "pi4": "r*(I_C + 2*I_m + 2*b**2*m_w + d**2*m_C)/(K1*b)",
+    "pi5": "d*m_C*r/(K1*b)",
+    "pi6": "2*K2*b/(K1*r)",
 }
 
 
@@ -328,6 +329,104 @@ def base_parameters(p):
 
 
 @_function(q=3, c=1)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (3,)
+    c: known constants, (1,)
+    Returns: shape (n-m, n_u) = (2, 2); 1 operation.
+    """
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = out[0, 1] = out[1, 0] = 1
+    out[1, 1] = -1
+    return out
+
+
+@_function(x=5, v_r=2, a=2, c=1)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (5,)
+    v_r: reference pseudo-velocities, (2,)
+    a: accelerations v', (2,)
+    c: known constants, (1,)
+    Returns: shape (n-m, n_pi) = (2, 6); 3 operations.
+    """
+    omega = x[4]
+    v_ref, omega_ref = v_r[0], v_r[1]
+    a_v, a_omega = a[0], a[1]
+    out = _zeros((2, 6), x, v_r, a, c)
+    out[0, 0] = a_v
+    out[0, 1] = v_ref
+    out[0, 2] = -omega*omega_ref
+    out[1, 3] = a_omega
+    out[1, 4] = omega*v_ref
+    out[1, 5] = omega_ref
+    return out
+
+
+@_function(x=5, c=1)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (5,)
+    c: known constants, (1,)
+    Returns: shape (n-m, n_pi) = (2, 6); 0 operations.
+    """
+    v, omega = x[3], x[4]
+    out = _zeros((2, 6), x, c)
+    out[0, 0] = v
+    out[1, 3] = omega
+    return out
+
+
+@_function(x=5, c=1)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (5,)
+    c: known constants, (1,)
+    Returns: shape (n-m, n_pi) = (2, 6); 3 operations.
+    """
+    v, omega = x[3], x[4]
+    out = _zeros((2, 6), x, c)
+    out[0, 1] = v
+    out[0, 2] = -omega**2
+    out[1, 4] = omega*v
+    out[1, 5] = omega
+    return out
+
+
+@_function(p=10)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (10,)
+    Returns: shape (n_pi,) = (6,); 24 operations.
+    """
+    r, b, d, m_C, m_w, I_m, I_C, K1, K2 = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9]
+    r_over_K1 = r/K1
+    term_1 = 2*m_w
+    mass_platform = m_C + term_1
+    coriolis_v_v = 2*K2/r**2
+    term_2 = d*m_C*r_over_K1
+    b_inverse = 1/b
+    r_over_K1_over_b = b_inverse*r_over_K1
+    b_squared = b**2
+    inertia_platform = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
+    coriolis_omega_omega = b_squared*coriolis_v_v
+    out = _zeros((6,), p)
+    out[0] = mass_platform*r_over_K1
+    out[1] = coriolis_v_v*r_over_K1
+    out[2] = term_2
+    out[3] = inertia_platform*r_over_K1_over_b
+    out[4] = b_inverse*term_2
+    out[5] = coriolis_omega_omega*r_over_K1_over_b
+    return out
+
+
+@_function(q=3, c=1)
 def output(q, c):
     """y = h(q); equation (17).
 
@@ -357,6 +456,46 @@ def output_jacobian(q, c):
     out[0, 0] = out[1, 1] = 1
     out[0, 2] = -L*sin(phi)
     out[1, 2] = L*cos(phi)
+    return out
+
+
+@_function(q=3, c=1)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (3,)
+    c: known constants, (1,)
+    Returns: shape (n-m, n-m) = (2, 2); 5 operations.
+    """
+    phi = q[2]
+    L = c[0]
+    cos_phi = cos(phi)
+    sin_phi = sin(phi)
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = cos_phi
+    out[0, 1] = -L*sin_phi
+    out[1, 0] = sin_phi
+    out[1, 1] = L*cos_phi
+    return out
+
+
+@_function(x=5, c=1)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (5,)
+    c: known constants, (1,)
+    Returns: shape (n-m, n-m) = (2, 2); 9 operations.
+    """
+    phi, omega = x[2], x[4]
+    L = c[0]
+    term_1 = omega*sin(phi)
+    term_2 = cos(phi)*omega
+    out = _zeros((2, 2), x, c)
+    out[0, 0] = -term_1
+    out[0, 1] = -L*term_2
+    out[1, 0] = term_2
+    out[1, 1] = -L*term_1
     return out
 
 
@@ -491,21 +630,24 @@ def inverse_regressor(x, a, c):
     x: state [q; v], (5,)
     a: accelerations v', (2,)
     c: known constants, (1,)
-    Returns: shape (n_u, n_pi) = (2, 6); 6 operations.
+    Returns: shape (n_u, n_pi) = (2, 6); 11 operations.
     """
     v, omega = x[3], x[4]
     a_v, a_omega = a[0], a[1]
-    omega_times_v = omega*v
+    term_1 = v/2
+    term_2 = a_omega/2
+    term_3 = omega*term_1
+    term_4 = omega/2
     out = _zeros((2, 6), x, a, c)
-    out[0, 0] = omega
-    out[0, 1] = out[1, 1] = v
-    out[0, 2] = out[1, 2] = -omega**2
-    out[0, 3] = omega_times_v
-    out[0, 4] = out[1, 4] = a_v
-    out[0, 5] = a_omega
-    out[1, 0] = -omega
-    out[1, 3] = -omega_times_v
-    out[1, 5] = -a_omega
+    out[0, 0] = out[1, 0] = a_v/2
+    out[0, 1] = out[1, 1] = term_1
+    out[0, 2] = out[1, 2] = -omega**2/2
+    out[0, 3] = term_2
+    out[0, 4] = term_3
+    out[0, 5] = term_4
+    out[1, 3] = -term_2
+    out[1, 4] = -term_3
+    out[1, 5] = -term_4
     return out
 
 
@@ -517,20 +659,21 @@ def inverse_base_parameters(p):
     Returns: shape (n_pi,) = (6,); 24 operations.
     """
     r, b, d, m_C, m_w, I_m, I_C, K1, K2 = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9]
-    term_1 = r/(2*K1)
-    term_2 = term_1/b
-    b_squared = b**2
+    r_over_K1 = r/K1
+    term_1 = 2*m_w
+    mass_platform = m_C + term_1
     coriolis_v_v = 2*K2/r**2
+    term_2 = d*m_C*r_over_K1
+    b_inverse = 1/b
+    r_over_K1_over_b = b_inverse*r_over_K1
+    b_squared = b**2
+    inertia_platform = I_C + 2*I_m + b_squared*term_1 + d**2*m_C
     coriolis_omega_omega = b_squared*coriolis_v_v
-    d_times_m_C = d*m_C
-    term_3 = 2*m_w
-    mass_platform = m_C + term_3
-    inertia_platform = I_C + 2*I_m + b_squared*term_3 + d**2*m_C
     out = _zeros((6,), p)
-    out[0] = coriolis_omega_omega*term_2
-    out[1] = coriolis_v_v*term_1
-    out[2] = term_1*d_times_m_C
-    out[3] = term_2*d_times_m_C
-    out[4] = mass_platform*term_1
-    out[5] = inertia_platform*term_2
+    out[0] = mass_platform*r_over_K1
+    out[1] = coriolis_v_v*r_over_K1
+    out[2] = term_2
+    out[3] = inertia_platform*r_over_K1_over_b
+    out[4] = b_inverse*term_2
+    out[5] = coriolis_omega_omega*r_over_K1_over_b
     return out

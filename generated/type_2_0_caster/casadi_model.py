@@ -14,9 +14,10 @@ x: state [q; v]: x [m], y [m], phi [rad], beta [rad], v [m/s], omega [rad/s]
 u: motor voltages: u_r [V], u_l [V]
 w: generalized forces on v, Fbar + taubar_d: w_v [N], w_omega [N m]
 c: known constants: s [m], e [m], L [m]
-theta: base parameters: theta1 [V s], theta2 [V s/m], theta3 [V s^2], theta4 [V s^2/m], theta5 [V s^2], theta6 [V m
-    s^2], theta7 [V s^2/m], theta8 [V s^2/m^2], theta9 [V s^2/m], theta10 [V s^2]
+v_r: reference pseudo-velocities: v_ref [m/s], omega_ref [1/s]
 a: accelerations v': a_v [m/s^2], a_omega [1/s^2]
+theta: base parameters: theta1 [V s^2/m], theta2 [V m s^2], theta3 [V s^2/m], theta4 [V s/m], theta5 [V s^2], theta6
+    [V s^2], theta7 [V s^2/m^2], theta8 [V s^2], theta9 [V s^2/m], theta10 [V s]
 """
 
 from casadi import SX, Function, cos, sin
@@ -67,52 +68,52 @@ DEFAULTS = {
 }
 KNOWN = {"s": "m", "e": "m", "L": "m"}
 BASE_PARAMETERS = {
-    "theta1": "V s",
-    "theta2": "V s/m",
-    "theta3": "V s^2",
-    "theta4": "V s^2/m",
+    "theta1": "V s^2/m",
+    "theta2": "V m s^2",
+    "theta3": "V s^2/m",
+    "theta4": "V s/m",
     "theta5": "V s^2",
-    "theta6": "V m s^2",
-    "theta7": "V s^2/m",
-    "theta8": "V s^2/m^2",
+    "theta6": "V s^2",
+    "theta7": "V s^2/m^2",
+    "theta8": "V s^2",
     "theta9": "V s^2/m",
-    "theta10": "V s^2",
+    "theta10": "V s",
 }
 BASE_PARAMETER_FORMULAS = {
-    "theta1": "K2*b/(K1*r)",
-    "theta2": "K2/(K1*r)",
-    "theta3": "d*m_C*r/(2*K1)",
-    "theta4": "d*m_C*r/(2*K1*b)",
-    "theta5": "I_f*r/(2*K1*b)",
-    "theta6": "I_f*r/(2*K1)",
-    "theta7": "r*(J_f/r_c**2 + m_f)/(2*K1)",
-    "theta8": "r*(J_f/r_c**2 + m_f)/(2*K1*b)",
-    "theta9": "r*(2*J_w/r**2 + m_C + 2*m_w)/(2*K1)",
-    "theta10": "r*(I_C + 2*I_m + 2*J_w*b**2/r**2 + 2*b**2*m_w + d**2*m_C)/(2*K1*b)",
+    "theta1": "r*(2*J_w/r**2 + m_C + 2*m_w)/K1",
+    "theta2": "I_f*r/K1",
+    "theta3": "r*(J_f/r_c**2 + m_f)/K1",
+    "theta4": "2*K2/(K1*r)",
+    "theta5": "d*m_C*r/K1",
+    "theta6": "I_f*r/(K1*b)",
+    "theta7": "r*(J_f/r_c**2 + m_f)/(2*K1*b)",
+    "theta8": "r*(I_C + 2*I_m + 2*J_w*b**2/r**2 + 2*b**2*m_w + d**2*m_C)/(K1*b)",
+    "theta9": "d*m_C*r/(K1*b)",
+    "theta10": "2*K2*b/(K1*r)",
 }
 INVERSE_BASE_PARAMETERS = {
-    "pi1": "V s",
-    "pi2": "V s/m",
-    "pi3": "V s^2",
-    "pi4": "V s^2/m",
+    "pi1": "V s^2/m",
+    "pi2": "V m s^2",
+    "pi3": "V s^2/m",
+    "pi4": "V s/m",
     "pi5": "V s^2",
-    "pi6": "V m s^2",
-    "pi7": "V s^2/m",
-    "pi8": "V s^2/m^2",
+    "pi6": "V s^2",
+    "pi7": "V s^2/m^2",
+    "pi8": "V s^2",
     "pi9": "V s^2/m",
-    "pi10": "V s^2",
+    "pi10": "V s",
 }
 INVERSE_BASE_PARAMETER_FORMULAS = {
-    "pi1": "K2*b/(K1*r)",
-    "pi2": "K2/(K1*r)",
-    "pi3": "d*m_C*r/(2*K1)",
-    "pi4": "d*m_C*r/(2*K1*b)",
-    "pi5": "I_f*r/(2*K1*b)",
-    "pi6": "I_f*r/(2*K1)",
-    "pi7": "r*(J_f/r_c**2 + m_f)/(2*K1)",
-    "pi8": "r*(J_f/r_c**2 + m_f)/(2*K1*b)",
-    "pi9": "r*(2*J_w/r**2 + m_C + 2*m_w)/(2*K1)",
-    "pi10": "r*(I_C + 2*I_m + 2*J_w*b**2/r**2 + 2*b**2*m_w + d**2*m_C)/(2*K1*b)",
+    "pi1": "r*(2*J_w/r**2 + m_C + 2*m_w)/K1",
+    "pi2": "I_f*r/K1",
+    "pi3": "r*(J_f/r_c**2 + m_f)/K1",
+    "pi4": "2*K2/(K1*r)",
+    "pi5": "d*m_C*r/K1",
+    "pi6": "I_f*r/(K1*b)",
+    "pi7": "r*(J_f/r_c**2 + m_f)/(2*K1*b)",
+    "pi8": "r*(I_C + 2*I_m + 2*J_w*b**2/r**2 + 2*b**2*m_w + d**2*m_C)/(K1*b)",
+    "pi9": "d*m_C*r/(K1*b)",
+    "pi10": "2*K2*b/(K1*r)",
 }
 
 
@@ -705,35 +706,207 @@ def base_parameters(p):
     """theta(p), of the form that PARAMETRIZATION names; equations (30), (82).
 
     p: physical parameters, (17,)
-    Returns: shape (n_theta,) = (10,); 36 operations.
+    Returns: shape (n_theta,) = (10,); 39 operations.
     """
     r, r_c, b, d, m_C, m_w, m_f, I_C, I_m, I_f, J_w, J_f, K1, K2 = (
         p[0], p[1], p[2], p[3], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
     )
+    term_1 = 2*J_w/r**2
     K1_inverse = 1/K1
-    term_1 = K1_inverse*K2/r
-    term_2 = K1_inverse*r/2
-    term_3 = d*m_C*term_2
+    r_over_K1 = K1_inverse*r
+    term_2 = 2*m_w
+    mass_platform = m_C + term_2
+    I_f_times_r_over_K1 = I_f*r_over_K1
+    J_f_over_r_c_squared = J_f/r_c**2
+    term_3 = 2*K1_inverse*K2/r
+    term_4 = d*m_C*r_over_K1
     b_inverse = 1/b
-    term_4 = I_f*term_2
-    term_5 = J_f/r_c**2 + m_f
-    term_6 = b_inverse*term_2
-    term_7 = 2*J_w/r**2
-    term_8 = 2*m_w
-    mass_platform = m_C + term_8
+    r_over_K1_over_b = b_inverse*r_over_K1
+    term_5 = r_over_K1_over_b/2
     b_squared = b**2
-    inertia_platform = I_C + 2*I_m + b_squared*term_8 + d**2*m_C
+    inertia_platform = I_C + 2*I_m + b_squared*term_2 + d**2*m_C
     out = _zeros((10,), p)
-    out[0] = b*term_1
-    out[1] = term_1
-    out[2] = term_3
-    out[3] = b_inverse*term_3
-    out[4] = b_inverse*term_4
-    out[5] = term_4
-    out[6] = term_2*term_5
-    out[7] = term_5*term_6
-    out[8] = term_2*(mass_platform + term_7)
-    out[9] = term_6*(b_squared*term_7 + inertia_platform)
+    out[0] = r_over_K1*(mass_platform + term_1)
+    out[1] = I_f_times_r_over_K1
+    out[2] = r_over_K1*(m_f + J_f_over_r_c_squared)
+    out[3] = term_3
+    out[4] = term_4
+    out[5] = b_inverse*I_f_times_r_over_K1
+    out[6] = m_f*term_5 + term_5*J_f_over_r_c_squared
+    out[7] = r_over_K1_over_b*(b_squared*term_1 + inertia_platform)
+    out[8] = b_inverse*term_4
+    out[9] = b*term_3
+    return out
+
+
+@_function(q=4, c=3)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (4,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_u) = (2, 2); 1 operation.
+    """
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = out[0, 1] = out[1, 0] = 1
+    out[1, 1] = -1
+    return out
+
+
+@_function(x=6, v_r=2, a=2, c=3)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (6,)
+    v_r: reference pseudo-velocities, (2,)
+    a: accelerations v', (2,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_pi) = (2, 10); 67 operations.
+    """
+    beta, v, omega = x[3], x[4], x[5]
+    v_ref, omega_ref = v_r[0], v_r[1]
+    a_v, a_omega = a[0], a[1]
+    s, e = c[0], c[1]
+    sin_beta = sin(beta)
+    e_inverse = 1/e
+    sin_beta_over_e = e_inverse*sin_beta
+    caster_turning_v = -sin_beta_over_e
+    cos_beta = cos(beta)
+    cos_beta_over_e = cos_beta*e_inverse
+    caster_turning_omega = s*cos_beta_over_e
+    term_1 = caster_turning_omega*caster_turning_v
+    beta_dot_omega = caster_turning_omega - 1
+    beta_dot = beta_dot_omega*omega + caster_turning_v*v
+    beta_dot_times_s = beta_dot*s
+    caster_turning_omega_dot = -sin_beta_over_e*beta_dot_times_s
+    term_2 = caster_turning_omega_dot*omega_ref
+    caster_turning_v_dot = -beta_dot*cos_beta_over_e
+    term_3 = caster_turning_v_dot*v_ref
+    cos_beta_squared = cos_beta**2
+    cos_beta_times_sin_beta = cos_beta*sin_beta
+    term_4 = beta_dot*cos_beta_times_sin_beta
+    term_5 = 2*sin_beta**2
+    s_squared = s**2
+    out = _zeros((2, 10), x, v_r, a, c)
+    out[0, 0] = a_v
+    out[0, 1] = a_omega*term_1 + a_v*caster_turning_v**2 + caster_turning_v*term_2 + caster_turning_v*term_3
+    out[0, 2] = (
+        a_omega*s*cos_beta_times_sin_beta + a_v*cos_beta_squared + cos_beta_squared*omega_ref*beta_dot_times_s
+        - term_4*v_ref
+    )
+    out[0, 3] = v_ref
+    out[0, 4] = -omega*omega_ref
+    out[1, 5] = a_omega*caster_turning_omega**2 + a_v*term_1 + caster_turning_omega*term_2 + caster_turning_omega*term_3
+    out[1, 6] = (
+        a_omega*s_squared*term_5 + a_v*s*sin(2*beta) + 2*omega_ref*s_squared*term_4 - term_5*beta_dot_times_s*v_ref
+    )
+    out[1, 7] = a_omega
+    out[1, 8] = omega*v_ref
+    out[1, 9] = omega_ref
+    return out
+
+
+@_function(x=6, c=3)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_pi) = (2, 10); 31 operations.
+    """
+    beta, v, omega = x[3], x[4], x[5]
+    s, e = c[0], c[1]
+    sin_beta = sin(beta)
+    e_inverse = 1/e
+    caster_turning_v = -e_inverse*sin_beta
+    cos_beta = cos(beta)
+    cos_beta_times_s = cos_beta*s
+    caster_turning_omega = e_inverse*cos_beta_times_s
+    term_1 = caster_turning_omega*caster_turning_v
+    out = _zeros((2, 10), x, c)
+    out[0, 0] = v
+    out[0, 1] = caster_turning_v**2*v + omega*term_1
+    out[0, 2] = cos_beta**2*v + omega*sin_beta*cos_beta_times_s
+    out[1, 5] = caster_turning_omega**2*omega + term_1*v
+    out[1, 6] = 2*omega*s**2*sin_beta**2 + s*sin(2*beta)*v
+    out[1, 7] = omega
+    return out
+
+
+@_function(x=6, c=3)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_pi) = (2, 10); 47 operations.
+    """
+    beta, v, omega = x[3], x[4], x[5]
+    s, e = c[0], c[1]
+    sin_beta = sin(beta)
+    e_inverse = 1/e
+    caster_turning_v = -e_inverse*sin_beta
+    caster_turning_v_times_v = caster_turning_v*v
+    cos_beta = cos(beta)
+    cos_beta_over_e = cos_beta*e_inverse
+    caster_turning_omega = s*cos_beta_over_e
+    term_1 = caster_turning_omega*omega
+    beta_dot_omega = caster_turning_omega - 1
+    beta_dot = beta_dot_omega*omega + caster_turning_v_times_v
+    caster_turning_v_dot = -beta_dot*cos_beta_over_e
+    omega_times_s = omega*s
+    beta_dot_times_s = beta_dot*s
+    caster_turning_omega_dot = caster_turning_v*beta_dot_times_s
+    out = _zeros((2, 10), x, c)
+    out[0, 1] = (
+        caster_turning_v_dot*caster_turning_v_times_v - caster_turning_v_dot*(2*caster_turning_v_times_v + term_1)
+    )
+    out[0, 2] = beta_dot*(-cos_beta**2*omega_times_s + cos_beta*sin_beta*v + omega_times_s)
+    out[0, 3] = v
+    out[0, 4] = -omega**2
+    out[1, 5] = caster_turning_omega_dot*term_1 - caster_turning_omega_dot*(caster_turning_v_times_v + 2*term_1)
+    out[1, 6] = -beta_dot_times_s*(cos(2*beta)*v + sin(2*beta)*omega_times_s + v)
+    out[1, 8] = omega*v
+    out[1, 9] = omega
+    return out
+
+
+@_function(p=17)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (17,)
+    Returns: shape (n_pi,) = (10,); 39 operations.
+    """
+    r, r_c, b, d, m_C, m_w, m_f, I_C, I_m, I_f, J_w, J_f, K1, K2 = (
+        p[0], p[1], p[2], p[3], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
+    term_1 = 2*J_w/r**2
+    K1_inverse = 1/K1
+    r_over_K1 = K1_inverse*r
+    term_2 = 2*m_w
+    mass_platform = m_C + term_2
+    I_f_times_r_over_K1 = I_f*r_over_K1
+    J_f_over_r_c_squared = J_f/r_c**2
+    term_3 = 2*K1_inverse*K2/r
+    term_4 = d*m_C*r_over_K1
+    b_inverse = 1/b
+    r_over_K1_over_b = b_inverse*r_over_K1
+    term_5 = r_over_K1_over_b/2
+    b_squared = b**2
+    inertia_platform = I_C + 2*I_m + b_squared*term_2 + d**2*m_C
+    out = _zeros((10,), p)
+    out[0] = r_over_K1*(mass_platform + term_1)
+    out[1] = I_f_times_r_over_K1
+    out[2] = r_over_K1*(m_f + J_f_over_r_c_squared)
+    out[3] = term_3
+    out[4] = term_4
+    out[5] = b_inverse*I_f_times_r_over_K1
+    out[6] = m_f*term_5 + term_5*J_f_over_r_c_squared
+    out[7] = r_over_K1_over_b*(b_squared*term_1 + inertia_platform)
+    out[8] = b_inverse*term_4
+    out[9] = b*term_3
     return out
 
 
@@ -767,6 +940,46 @@ def output_jacobian(q, c):
     out[0, 0] = out[1, 1] = 1
     out[0, 2] = -L*sin(phi)
     out[1, 2] = L*cos(phi)
+    return out
+
+
+@_function(q=4, c=3)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (4,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n-m) = (2, 2); 5 operations.
+    """
+    phi = q[2]
+    L = c[2]
+    cos_phi = cos(phi)
+    sin_phi = sin(phi)
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = cos_phi
+    out[0, 1] = -L*sin_phi
+    out[1, 0] = sin_phi
+    out[1, 1] = L*cos_phi
+    return out
+
+
+@_function(x=6, c=3)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (6,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n-m) = (2, 2); 9 operations.
+    """
+    phi, omega = x[2], x[5]
+    L = c[2]
+    term_1 = omega*sin(phi)
+    term_2 = cos(phi)*omega
+    out = _zeros((2, 2), x, c)
+    out[0, 0] = -term_1
+    out[0, 1] = -L*term_2
+    out[1, 0] = term_2
+    out[1, 1] = -L*term_1
     return out
 
 
@@ -815,7 +1028,7 @@ def lie_q_lie_f_h(x, theta, c):
     x: state [q; v], (6,)
     theta: base parameters, (10,)
     c: known constants, (3,)
-    Returns: shape (n-m,) = (2,); 113 operations.
+    Returns: shape (n-m,) = (2,); 130 operations.
     """
     phi, beta, v, omega = x[2], x[3], x[4], x[5]
     theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8, theta9, theta10 = (
@@ -824,6 +1037,7 @@ def lie_q_lie_f_h(x, theta, c):
     s, e, L = c[0], c[1], c[2]
     sin_phi = sin(phi)
     cos_phi = cos(phi)
+    term_1 = theta6/2
     sin_beta = sin(beta)
     e_inverse = 1/e
     sin_beta_over_e = e_inverse*sin_beta
@@ -831,46 +1045,49 @@ def lie_q_lie_f_h(x, theta, c):
     cos_beta = cos(beta)
     cos_beta_over_e = cos_beta*e_inverse
     caster_turning_omega = s*cos_beta_over_e
-    term_1 = caster_turning_omega*caster_turning_v
-    term_2 = term_1*theta5
-    cos_beta_times_sin_beta = cos_beta*sin_beta
-    term_3 = s*cos_beta_times_sin_beta
-    term_4 = term_3*theta8
-    cos_beta_squared = cos_beta**2
-    term_5 = caster_turning_v**2*theta6 + cos_beta_squared*theta7 + theta9
-    u_r_per_v = term_5 + term_2 + term_4
-    s_squared = s**2
-    sin_beta_squared = sin_beta**2
-    term_6 = caster_turning_omega**2*theta5 + s_squared*sin_beta_squared*theta8 + theta10
-    u_r_per_omega = term_6 + term_1*theta6 + term_3*theta7
-    u_l_per_v = term_5 - term_2 - term_4
-    u_l_per_omega = caster_turning_omega*caster_turning_v*theta6 + cos_beta*s*sin_beta*theta7 - term_6
+    term_2 = caster_turning_omega*caster_turning_v
+    term_3 = term_1*term_2
+    sin_2_beta = sin(2*beta)
+    term_4 = theta7/2
+    term_5 = s*sin_2_beta*term_4
+    term_6 = theta2/2
+    term_7 = theta3/2
+    term_8 = caster_turning_v**2*term_6 + cos_beta**2*term_7 + theta1/2
+    u_r_per_v = term_8 + term_3 + term_5
+    term_9 = cos_beta*term_7
+    term_10 = caster_turning_omega**2*term_1 + s**2*sin_beta**2*theta7 + theta8/2
+    u_r_per_omega = s*sin_beta*term_9 + term_10 + term_2*term_6
+    u_l_per_v = term_8 - term_3 - term_5
+    u_l_per_omega = caster_turning_omega*caster_turning_v*theta2/2 + cos_beta*s*sin_beta*theta3/2 - term_10
     effort_determinant = u_l_per_omega*u_r_per_v - u_l_per_v*u_r_per_omega
     effort_determinant_inverse = 1/effort_determinant
-    omega_times_theta1 = omega*theta1
+    term_11 = omega/2
     caster_turning_v_times_v = caster_turning_v*v
     beta_dot_omega = caster_turning_omega - 1
     beta_dot = beta_dot_omega*omega + caster_turning_v_times_v
     beta_dot_times_s = beta_dot*s
     caster_turning_omega_dot = -beta_dot_times_s*sin_beta_over_e
-    term_7 = caster_turning_omega_dot*omega
+    term_12 = caster_turning_omega_dot*term_11
+    term_13 = v/2
     caster_turning_v_dot = -beta_dot*cos_beta_over_e
-    term_8 = caster_turning_omega*caster_turning_v_dot*v + caster_turning_omega*term_7
-    term_9 = beta_dot*cos_beta_times_sin_beta
-    term_10 = omega*s_squared*term_9 - sin_beta_squared*beta_dot_times_s*v
-    term_11 = omega*theta4*v
-    term_12 = (
-        -omega**2*theta3 + theta2*v + theta6*(caster_turning_v*term_7 + caster_turning_v_dot*caster_turning_v_times_v)
-        + theta7*(cos_beta_squared*omega*beta_dot_times_s - term_9*v)
+    term_14 = caster_turning_omega*caster_turning_v_dot*term_13 + caster_turning_omega*term_12
+    term_15 = term_11*theta10
+    term_16 = term_11*theta9*v
+    omega_times_s = omega*s
+    term_17 = cos(2*beta)*v + sin_2_beta*omega_times_s - v
+    term_18 = beta_dot_times_s*term_4
+    term_19 = (
+        beta_dot*term_9*(cos_beta*omega_times_s - sin_beta*v) - omega**2*theta5/2 + term_13*theta4
+        + theta2*(caster_turning_v*term_12 + caster_turning_v_dot*caster_turning_v_times_v/2)
     )
-    u_l_hold = -omega_times_theta1 - term_8*theta5 - term_10*theta8 - term_11 + term_12
-    term_13 = effort_determinant_inverse*u_l_hold
-    u_r_hold = omega_times_theta1 + term_8*theta5 + term_10*theta8 + term_11 + term_12
-    term_14 = -effort_determinant_inverse*u_l_per_omega*u_r_hold + term_13*u_r_per_omega
-    term_15 = L*(effort_determinant_inverse*u_l_per_v*u_r_hold - term_13*u_r_per_v)
+    u_l_hold = -term_14*theta6 - term_15 - term_16 - term_17*term_18 + term_19
+    term_20 = effort_determinant_inverse*u_l_hold
+    u_r_hold = term_14*theta6 + term_15 + term_16 + term_17*term_18 + term_19
+    term_21 = -effort_determinant_inverse*u_l_per_omega*u_r_hold + term_20*u_r_per_omega
+    term_22 = L*(effort_determinant_inverse*u_l_per_v*u_r_hold - term_20*u_r_per_v)
     out = _zeros((2,), x, theta, c)
-    out[0] = cos_phi*term_14 - sin_phi*term_15
-    out[1] = cos_phi*term_15 + sin_phi*term_14
+    out[0] = cos_phi*term_21 - sin_phi*term_22
+    out[1] = cos_phi*term_22 + sin_phi*term_21
     return out
 
 
@@ -881,39 +1098,41 @@ def decoupling_matrix(x, theta, c):
     x: state [q; v], (6,)
     theta: base parameters, (10,)
     c: known constants, (3,)
-    Returns: shape (n-m, n_u) = (2, 2); 64 operations.
+    Returns: shape (n-m, n_u) = (2, 2); 75 operations.
     """
     phi, beta = x[2], x[3]
-    theta5, theta6, theta7, theta8, theta9, theta10 = theta[4], theta[5], theta[6], theta[7], theta[8], theta[9]
+    theta1, theta2, theta3, theta6, theta7, theta8 = theta[0], theta[1], theta[2], theta[5], theta[6], theta[7]
     s, e, L = c[0], c[1], c[2]
+    term_1 = theta6/2
     sin_beta = sin(beta)
     e_inverse = 1/e
     caster_turning_v = -e_inverse*sin_beta
     cos_beta = cos(beta)
     cos_beta_times_s = cos_beta*s
     caster_turning_omega = e_inverse*cos_beta_times_s
-    term_1 = caster_turning_omega*caster_turning_v
-    term_2 = term_1*theta5
-    term_3 = sin_beta*cos_beta_times_s
-    term_4 = term_3*theta8
-    term_5 = caster_turning_v**2*theta6 + cos_beta**2*theta7 + theta9
-    u_r_per_v = term_2 + term_4 + term_5
-    term_6 = caster_turning_omega**2*theta5 + s**2*sin_beta**2*theta8 + theta10
-    u_r_per_omega = term_1*theta6 + term_3*theta7 + term_6
-    u_l_per_v = -term_2 - term_4 + term_5
-    u_l_per_omega = caster_turning_omega*caster_turning_v*theta6 + cos_beta*s*sin_beta*theta7 - term_6
+    term_2 = caster_turning_omega*caster_turning_v
+    term_3 = term_1*term_2
+    term_4 = s*sin(2*beta)*theta7/2
+    term_5 = theta2/2
+    term_6 = theta3/2
+    term_7 = caster_turning_v**2*term_5 + cos_beta**2*term_6 + theta1/2
+    u_r_per_v = term_3 + term_4 + term_7
+    term_8 = caster_turning_omega**2*term_1 + s**2*sin_beta**2*theta7 + theta8/2
+    u_r_per_omega = sin_beta*cos_beta_times_s*term_6 + term_8 + term_2*term_5
+    u_l_per_v = -term_3 - term_4 + term_7
+    u_l_per_omega = caster_turning_omega*caster_turning_v*theta2/2 + cos_beta*s*sin_beta*theta3/2 - term_8
     effort_determinant = u_l_per_omega*u_r_per_v - u_l_per_v*u_r_per_omega
     effort_determinant_inverse = 1/effort_determinant
-    term_7 = cos(phi)*effort_determinant_inverse
+    term_9 = cos(phi)*effort_determinant_inverse
     sin_phi = sin(phi)
-    term_8 = effort_determinant_inverse*sin_phi
-    term_9 = L*term_8
-    term_10 = L*term_7
+    term_10 = effort_determinant_inverse*sin_phi
+    term_11 = L*term_10
+    term_12 = L*term_9
     out = _zeros((2, 2), x, theta, c)
-    out[0, 0] = term_7*u_l_per_omega + term_9*u_l_per_v
-    out[0, 1] = -term_7*u_r_per_omega - term_9*u_r_per_v
-    out[1, 0] = effort_determinant_inverse*sin_phi*u_l_per_omega - term_10*u_l_per_v
-    out[1, 1] = -term_8*u_r_per_omega + term_10*u_r_per_v
+    out[0, 0] = term_9*u_l_per_omega + term_11*u_l_per_v
+    out[0, 1] = -term_9*u_r_per_omega - term_11*u_r_per_v
+    out[1, 0] = effort_determinant_inverse*sin_phi*u_l_per_omega - term_12*u_l_per_v
+    out[1, 1] = -term_10*u_r_per_omega + term_12*u_r_per_v
     return out
 
 
@@ -924,61 +1143,60 @@ def inverse_regressor(x, a, c):
     x: state [q; v], (6,)
     a: accelerations v', (2,)
     c: known constants, (3,)
-    Returns: shape (n_u, n_pi) = (2, 10); 67 operations.
+    Returns: shape (n_u, n_pi) = (2, 10); 85 operations.
     """
     beta, v, omega = x[3], x[4], x[5]
     a_v, a_omega = a[0], a[1]
     s, e = c[0], c[1]
-    omega_times_v = omega*v
+    term_1 = a_v/2
     sin_beta = sin(beta)
     e_inverse = 1/e
     sin_beta_over_e = e_inverse*sin_beta
     caster_turning_v = -sin_beta_over_e
+    caster_turning_v_times_v = caster_turning_v*v
+    term_2 = a_omega/2
     cos_beta = cos(beta)
     cos_beta_over_e = cos_beta*e_inverse
     caster_turning_omega = s*cos_beta_over_e
-    term_1 = caster_turning_omega*caster_turning_v
-    caster_turning_v_times_v = caster_turning_v*v
+    term_3 = caster_turning_omega*caster_turning_v
+    term_4 = omega/2
     beta_dot_omega = caster_turning_omega - 1
     beta_dot = beta_dot_omega*omega + caster_turning_v_times_v
     beta_dot_times_s = beta_dot*s
     caster_turning_omega_dot = -sin_beta_over_e*beta_dot_times_s
-    term_2 = caster_turning_omega_dot*omega
+    term_5 = caster_turning_omega_dot*term_4
     caster_turning_v_dot = -beta_dot*cos_beta_over_e
-    term_3 = (
-        a_omega*caster_turning_omega**2 + a_v*term_1 + caster_turning_omega*caster_turning_v_dot*v
-        + caster_turning_omega*term_2
+    term_6 = (
+        caster_turning_v**2*term_1 + caster_turning_v*term_5 + caster_turning_v_dot*caster_turning_v_times_v/2
+        + term_2*term_3
     )
-    term_4 = (
-        a_omega*term_1 + a_v*caster_turning_v**2 + caster_turning_v*term_2
-        + caster_turning_v_dot*caster_turning_v_times_v
+    omega_times_s = omega*s
+    term_7 = beta_dot*cos_beta*(cos_beta*omega_times_s - sin_beta*v)/2 + cos_beta**2*term_1 + cos_beta*s*sin_beta*term_2
+    term_8 = v/2
+    term_9 = (
+        caster_turning_omega**2*term_2 + caster_turning_omega*caster_turning_v_dot*term_8 + caster_turning_omega*term_5
+        + term_1*term_3
     )
-    cos_beta_squared = cos_beta**2
-    cos_beta_times_sin_beta = cos_beta*sin_beta
-    term_5 = s*cos_beta_times_sin_beta
-    term_6 = beta_dot*cos_beta_times_sin_beta
-    term_7 = a_omega*term_5 + a_v*cos_beta_squared + cos_beta_squared*omega*beta_dot_times_s - term_6*v
-    s_squared = s**2
-    sin_beta_squared = sin_beta**2
-    term_8 = (
-        a_omega*s_squared*sin_beta_squared + a_v*term_5 + omega*s_squared*term_6 - sin_beta_squared*beta_dot_times_s*v
-    )
+    sin_2_beta = sin(2*beta)
+    term_10 = cos(2*beta)*v + sin_2_beta*omega_times_s - v
+    term_11 = a_omega*s**2*sin_beta**2 + s*sin_2_beta*term_1
+    term_12 = omega*term_8
     out = _zeros((2, 10), x, a, c)
-    out[0, 0] = omega
-    out[0, 1] = out[1, 1] = v
-    out[0, 2] = out[1, 2] = -omega**2
-    out[0, 3] = omega_times_v
-    out[0, 4] = term_3
-    out[0, 5] = out[1, 5] = term_4
-    out[0, 6] = out[1, 6] = term_7
-    out[0, 7] = term_8
-    out[0, 8] = out[1, 8] = a_v
-    out[0, 9] = a_omega
-    out[1, 0] = -omega
-    out[1, 3] = -omega_times_v
-    out[1, 4] = -term_3
-    out[1, 7] = -term_8
-    out[1, 9] = -a_omega
+    out[0, 0] = out[1, 0] = term_1
+    out[0, 1] = out[1, 1] = term_6
+    out[0, 2] = out[1, 2] = term_7
+    out[0, 3] = out[1, 3] = term_8
+    out[0, 4] = out[1, 4] = -omega**2/2
+    out[0, 5] = term_9
+    out[0, 6] = term_10*beta_dot_times_s/2 + term_11
+    out[0, 7] = term_2
+    out[0, 8] = term_12
+    out[0, 9] = term_4
+    out[1, 5] = -term_9
+    out[1, 6] = -beta_dot*s*term_10/2 - term_11
+    out[1, 7] = -term_2
+    out[1, 8] = -term_12
+    out[1, 9] = -term_4
     return out
 
 
@@ -987,33 +1205,34 @@ def inverse_base_parameters(p):
     """pi(p) of u = Y_u pi; equation (14) inverted.
 
     p: physical parameters, (17,)
-    Returns: shape (n_pi,) = (10,); 36 operations.
+    Returns: shape (n_pi,) = (10,); 39 operations.
     """
     r, r_c, b, d, m_C, m_w, m_f, I_C, I_m, I_f, J_w, J_f, K1, K2 = (
         p[0], p[1], p[2], p[3], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
     )
+    term_1 = 2*J_w/r**2
     K1_inverse = 1/K1
-    term_1 = K1_inverse*K2/r
-    term_2 = K1_inverse*r/2
-    term_3 = d*m_C*term_2
+    r_over_K1 = K1_inverse*r
+    term_2 = 2*m_w
+    mass_platform = m_C + term_2
+    I_f_times_r_over_K1 = I_f*r_over_K1
+    J_f_over_r_c_squared = J_f/r_c**2
+    term_3 = 2*K1_inverse*K2/r
+    term_4 = d*m_C*r_over_K1
     b_inverse = 1/b
-    term_4 = I_f*term_2
-    term_5 = J_f/r_c**2 + m_f
-    term_6 = b_inverse*term_2
-    term_7 = 2*J_w/r**2
-    term_8 = 2*m_w
-    mass_platform = m_C + term_8
+    r_over_K1_over_b = b_inverse*r_over_K1
+    term_5 = r_over_K1_over_b/2
     b_squared = b**2
-    inertia_platform = I_C + 2*I_m + b_squared*term_8 + d**2*m_C
+    inertia_platform = I_C + 2*I_m + b_squared*term_2 + d**2*m_C
     out = _zeros((10,), p)
-    out[0] = b*term_1
-    out[1] = term_1
-    out[2] = term_3
-    out[3] = b_inverse*term_3
-    out[4] = b_inverse*term_4
-    out[5] = term_4
-    out[6] = term_2*term_5
-    out[7] = term_5*term_6
-    out[8] = term_2*(mass_platform + term_7)
-    out[9] = term_6*(b_squared*term_7 + inertia_platform)
+    out[0] = r_over_K1*(mass_platform + term_1)
+    out[1] = I_f_times_r_over_K1
+    out[2] = r_over_K1*(m_f + J_f_over_r_c_squared)
+    out[3] = term_3
+    out[4] = term_4
+    out[5] = b_inverse*I_f_times_r_over_K1
+    out[6] = m_f*term_5 + term_5*J_f_over_r_c_squared
+    out[7] = r_over_K1_over_b*(b_squared*term_1 + inertia_platform)
+    out[8] = b_inverse*term_4
+    out[9] = b*term_3
     return out

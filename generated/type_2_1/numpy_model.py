@@ -15,9 +15,10 @@ x: state [q; v]: x [m], y [m], phi [rad], beta [rad], gamma [rad], platform_turn
 u: motor voltages: u_drive [V], u_steer [V], u_caster [V]
 w: generalized forces on v, Fbar + taubar_d: w_platform_turning [N m], w_steer_forward [N], w_beta_rate [N m]
 c: known constants: s [m], e [m], L [m]
-theta: base parameters: theta1 [V s/m], theta2 [V m s^2], theta3 [V s^2], theta4 [V s], theta5 [V s^2/m], theta6 [V
-    m s^2], theta7 [V s^2], theta8 [V s^2/m]
+v_r: reference pseudo-velocities: platform_turning_ref [1/s], steer_forward_ref [m/s], beta_rate_ref [1/s]
 a: accelerations v': a_platform_turning [1/s^2], a_steer_forward [m/s^2], a_beta_rate [1/s^2]
+theta: base parameters: theta1 [V m s^2], theta2 [V m s^2], theta3 [V s^2/m], theta4 [V s^2], theta5 [V s^2/m],
+    theta6 [V s/m], theta7 [V s^2], theta8 [V s]
 """
 
 import functools
@@ -75,44 +76,44 @@ DEFAULTS = {
 }
 KNOWN = {"s": "m", "e": "m", "L": "m"}
 BASE_PARAMETERS = {
-    "theta1": "V s/m",
+    "theta1": "V m s^2",
     "theta2": "V m s^2",
-    "theta3": "V s^2",
-    "theta4": "V s",
+    "theta3": "V s^2/m",
+    "theta4": "V s^2",
     "theta5": "V s^2/m",
-    "theta6": "V m s^2",
+    "theta6": "V s/m",
     "theta7": "V s^2",
-    "theta8": "V s^2/m",
+    "theta8": "V s",
 }
 BASE_PARAMETER_FORMULAS = {
-    "theta1": "K2/(K1*r)",
+    "theta1": "r*(I + I_w + d**2*m)/K1",
     "theta2": "I_w*r/K1",
-    "theta3": "d*m*r/K1",
-    "theta4": "K2_s/K1_s",
-    "theta5": "r*(J/r**2 + m_w)/K1",
-    "theta6": "r*(I + I_w + d**2*m)/K1",
+    "theta3": "r*(J/r**2 + m_w)/K1",
+    "theta4": "d*m*r/K1",
+    "theta5": "r*(J/r**2 + m + m_w)/K1",
+    "theta6": "K2/(K1*r)",
     "theta7": "I_w/K1_s",
-    "theta8": "r*(J/r**2 + m + m_w)/K1",
+    "theta8": "K2_s/K1_s",
 }
 INVERSE_BASE_PARAMETERS = {
-    "pi1": "V s/m",
+    "pi1": "V m s^2",
     "pi2": "V m s^2",
-    "pi3": "V s^2",
-    "pi4": "V s",
+    "pi3": "V s^2/m",
+    "pi4": "V s^2",
     "pi5": "V s^2/m",
-    "pi6": "V m s^2",
+    "pi6": "V s/m",
     "pi7": "V s^2",
-    "pi8": "V s^2/m",
+    "pi8": "V s",
 }
 INVERSE_BASE_PARAMETER_FORMULAS = {
-    "pi1": "K2/(K1*r)",
+    "pi1": "r*(I + I_w + d**2*m)/K1",
     "pi2": "I_w*r/K1",
-    "pi3": "d*m*r/K1",
-    "pi4": "K2_s/K1_s",
-    "pi5": "r*(J/r**2 + m_w)/K1",
-    "pi6": "r*(I + I_w + d**2*m)/K1",
+    "pi3": "r*(J/r**2 + m_w)/K1",
+    "pi4": "d*m*r/K1",
+    "pi5": "r*(J/r**2 + m + m_w)/K1",
+    "pi6": "K2/(K1*r)",
     "pi7": "I_w/K1_s",
-    "pi8": "r*(J/r**2 + m + m_w)/K1",
+    "pi8": "K2_s/K1_s",
 }
 
 
@@ -1095,18 +1096,209 @@ def base_parameters(p):
     r, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = p[0], p[3], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13]
     K1_inverse = 1/K1
     r_over_K1 = K1_inverse*r
-    K1_s_inverse = 1/K1_s
-    term_1 = J/r**2 + m_w
     inertia_platform = I + d**2*m
+    term_1 = J/r**2 + m_w
+    K1_s_inverse = 1/K1_s
     out = _zeros((8,), p)
-    out[0] = K1_inverse*K2/r
+    out[0] = r_over_K1*(I_w + inertia_platform)
     out[1] = I_w*r_over_K1
-    out[2] = d*m*r_over_K1
-    out[3] = K1_s_inverse*K2_s
-    out[4] = r_over_K1*term_1
-    out[5] = r_over_K1*(I_w + inertia_platform)
+    out[2] = r_over_K1*term_1
+    out[3] = d*m*r_over_K1
+    out[4] = r_over_K1*(m + term_1)
+    out[5] = K1_inverse*K2/r
     out[6] = I_w*K1_s_inverse
-    out[7] = r_over_K1*(m + term_1)
+    out[7] = K1_s_inverse*K2_s
+    return out
+
+
+@_function(q=5, c=3)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (5,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_u) = (3, 3); 4 operations.
+    """
+    beta, gamma = q[3], q[4]
+    s = c[0]
+    out = _zeros((3, 3), q, c)
+    out[0, 2] = cos(gamma)*s
+    out[1, 0] = out[2, 1] = 1
+    out[1, 2] = cos(beta - gamma)
+    return out
+
+
+@_function(x=8, v_r=3, a=3, c=3)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (8,)
+    v_r: reference pseudo-velocities, (3,)
+    a: accelerations v', (3,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_pi) = (3, 8); 90 operations.
+    """
+    beta, gamma, platform_turning, steer_forward, beta_rate = x[3], x[4], x[5], x[6], x[7]
+    platform_turning_ref, steer_forward_ref, beta_rate_ref = v_r[0], v_r[1], v_r[2]
+    a_platform_turning, a_steer_forward, a_beta_rate = a[0], a[1], a[2]
+    s, e = c[0], c[1]
+    sin_beta_minus_gamma = sin(beta - gamma)
+    e_inverse = 1/e
+    caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
+    sin_gamma = sin(gamma)
+    s_over_e = e_inverse*s
+    caster_turning_platform_turning = -sin_gamma*s_over_e
+    term_1 = caster_turning_platform_turning*caster_turning_steer_forward
+    cos_gamma = cos(gamma)
+    gamma_dot_platform_turning = caster_turning_platform_turning - 1
+    gamma_dot = caster_turning_steer_forward*steer_forward + gamma_dot_platform_turning*platform_turning
+    cos_gamma_times_gamma_dot = cos_gamma*gamma_dot
+    caster_turning_platform_turning_dot = -s_over_e*cos_gamma_times_gamma_dot
+    term_2 = caster_turning_platform_turning_dot*platform_turning_ref
+    cos_beta_minus_gamma = cos(beta - gamma)
+    cos_beta_minus_gamma_over_e = cos_beta_minus_gamma*e_inverse
+    caster_turning_steer_forward_dot = beta_rate*cos_beta_minus_gamma_over_e - gamma_dot*cos_beta_minus_gamma_over_e
+    term_3 = caster_turning_steer_forward_dot*steer_forward_ref
+    cos_gamma_times_s = cos_gamma*s
+    term_4 = cos_beta_minus_gamma*cos_gamma_times_s
+    caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
+    term_5 = caster_forward_steer_forward_dot*steer_forward_ref
+    s_squared = s**2
+    term_6 = cos_gamma**2*s_squared
+    term_7 = platform_turning_ref*sin_gamma
+    sin_beta = sin(beta)
+    cos_beta = cos(beta)
+    term_8 = platform_turning*sin_beta
+    caster_forward_steer_forward_squared = cos_beta_minus_gamma**2
+    out = _zeros((3, 8), x, v_r, a, c)
+    out[0, 0] = a_platform_turning
+    out[0, 1] = (
+        a_beta_rate + a_platform_turning*caster_turning_platform_turning**2 + a_steer_forward*term_1
+        + caster_turning_platform_turning*term_2 + caster_turning_platform_turning*term_3
+    )
+    out[0, 2] = (
+        a_platform_turning*term_6 + a_steer_forward*term_4 - s_squared*term_7*cos_gamma_times_gamma_dot
+        + term_5*cos_gamma_times_s
+    )
+    out[0, 3] = a_steer_forward*cos_beta + steer_forward_ref*(-beta_rate*sin_beta - term_8)
+    out[0, 5] = platform_turning_ref*term_6 + steer_forward_ref*term_4
+    out[1, 1] = (
+        a_platform_turning*term_1 + a_steer_forward*caster_turning_steer_forward**2
+        + caster_turning_steer_forward*term_2 + caster_turning_steer_forward*term_3
+    )
+    out[1, 2] = (
+        a_platform_turning*term_4 + a_steer_forward*caster_forward_steer_forward_squared
+        - cos_beta_minus_gamma*gamma_dot*s*term_7 + cos_beta_minus_gamma*term_5
+    )
+    out[1, 3] = a_platform_turning*cos_beta + platform_turning_ref*term_8
+    out[1, 4] = a_steer_forward
+    out[1, 5] = platform_turning_ref*term_4 + steer_forward_ref*(caster_forward_steer_forward_squared + 1)
+    out[2, 6] = a_beta_rate + a_platform_turning
+    out[2, 7] = beta_rate_ref
+    return out
+
+
+@_function(x=8, c=3)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (8,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_pi) = (3, 8); 37 operations.
+    """
+    beta, gamma, platform_turning, steer_forward, beta_rate = x[3], x[4], x[5], x[6], x[7]
+    s, e = c[0], c[1]
+    e_inverse = 1/e
+    caster_turning_steer_forward = e_inverse*sin(beta - gamma)
+    caster_turning_platform_turning = -e_inverse*s*sin(gamma)
+    term_1 = caster_turning_platform_turning*caster_turning_steer_forward
+    cos_gamma = cos(gamma)
+    cos_beta_minus_gamma = cos(beta - gamma)
+    term_2 = cos_beta_minus_gamma*cos_gamma*s
+    cos_beta = cos(beta)
+    out = _zeros((3, 8), x, c)
+    out[0, 0] = platform_turning
+    out[0, 1] = beta_rate + caster_turning_platform_turning**2*platform_turning + steer_forward*term_1
+    out[0, 2] = cos_gamma**2*platform_turning*s**2 + steer_forward*term_2
+    out[0, 3] = cos_beta*steer_forward
+    out[1, 1] = caster_turning_steer_forward**2*steer_forward + platform_turning*term_1
+    out[1, 2] = cos_beta_minus_gamma**2*steer_forward + platform_turning*term_2
+    out[1, 3] = cos_beta*platform_turning
+    out[1, 4] = steer_forward
+    out[2, 6] = beta_rate + platform_turning
+    return out
+
+
+@_function(x=8, c=3)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (8,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_pi) = (3, 8); 66 operations.
+    """
+    beta, gamma, platform_turning, steer_forward, beta_rate = x[3], x[4], x[5], x[6], x[7]
+    s, e = c[0], c[1]
+    sin_beta_minus_gamma = sin(beta - gamma)
+    e_inverse = 1/e
+    caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
+    term_1 = caster_turning_steer_forward*steer_forward
+    sin_gamma = sin(gamma)
+    s_over_e = e_inverse*s
+    caster_turning_platform_turning = -sin_gamma*s_over_e
+    term_2 = caster_turning_platform_turning*platform_turning
+    cos_gamma = cos(gamma)
+    gamma_dot_platform_turning = caster_turning_platform_turning - 1
+    gamma_dot = gamma_dot_platform_turning*platform_turning + term_1
+    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*s_over_e
+    cos_beta_minus_gamma = cos(beta - gamma)
+    term_3 = cos_beta_minus_gamma*steer_forward
+    cos_gamma_times_s = cos_gamma*s
+    term_4 = platform_turning*cos_gamma_times_s
+    term_5 = term_3 + term_4
+    sin_beta = sin(beta)
+    beta_rate_times_sin_beta = beta_rate*sin_beta
+    cos_beta_minus_gamma_over_e = cos_beta_minus_gamma*e_inverse
+    caster_turning_steer_forward_dot = beta_rate*cos_beta_minus_gamma_over_e - gamma_dot*cos_beta_minus_gamma_over_e
+    caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
+    out = _zeros((3, 8), x, c)
+    out[0, 1] = caster_turning_platform_turning_dot*term_2 - caster_turning_platform_turning_dot*(term_1 + 2*term_2)
+    out[0, 2] = gamma_dot*s*sin_gamma*term_5
+    out[0, 3] = (
+        steer_forward*beta_rate_times_sin_beta + steer_forward*(-platform_turning*sin_beta - beta_rate_times_sin_beta)
+    )
+    out[0, 5] = cos_gamma_times_s*term_5
+    out[1, 1] = caster_turning_steer_forward_dot*term_1 - caster_turning_steer_forward_dot*(2*term_1 + term_2)
+    out[1, 2] = caster_forward_steer_forward_dot*term_3 - caster_forward_steer_forward_dot*(2*term_3 + term_4)
+    out[1, 3] = platform_turning**2*sin_beta + platform_turning*beta_rate_times_sin_beta
+    out[1, 5] = cos_beta_minus_gamma*term_4 + steer_forward*(cos_beta_minus_gamma**2 + 1)
+    out[2, 7] = beta_rate
+    return out
+
+
+@_function(p=14)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (14,)
+    Returns: shape (n_pi,) = (8,); 21 operations.
+    """
+    r, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = p[0], p[3], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13]
+    K1_inverse = 1/K1
+    r_over_K1 = K1_inverse*r
+    inertia_platform = I + d**2*m
+    term_1 = J/r**2 + m_w
+    K1_s_inverse = 1/K1_s
+    out = _zeros((8,), p)
+    out[0] = r_over_K1*(I_w + inertia_platform)
+    out[1] = I_w*r_over_K1
+    out[2] = r_over_K1*term_1
+    out[3] = d*m*r_over_K1
+    out[4] = r_over_K1*(m + term_1)
+    out[5] = K1_inverse*K2/r
+    out[6] = I_w*K1_s_inverse
+    out[7] = K1_s_inverse*K2_s
     return out
 
 
@@ -1141,6 +1333,51 @@ def output_jacobian(q, c):
     out[0, 0] = out[1, 1] = out[2, 2] = 1
     out[0, 2] = out[0, 3] = -L*sin(beta + phi)
     out[1, 2] = out[1, 3] = L*cos(beta + phi)
+    return out
+
+
+@_function(q=5, c=3)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (5,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n-m) = (3, 3); 7 operations.
+    """
+    phi, beta = q[2], q[3]
+    L = c[2]
+    sin_beta_phi = sin(beta + phi)
+    cos_beta_phi = cos(beta + phi)
+    out = _zeros((3, 3), q, c)
+    out[0, 0] = out[0, 2] = -L*sin_beta_phi
+    out[0, 1] = cos_beta_phi
+    out[1, 0] = out[1, 2] = L*cos_beta_phi
+    out[1, 1] = sin_beta_phi
+    out[2, 0] = 1
+    return out
+
+
+@_function(x=8, c=3)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (8,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n-m) = (3, 3); 19 operations.
+    """
+    phi, beta, platform_turning, beta_rate = x[2], x[3], x[5], x[7]
+    L = c[2]
+    cos_beta_phi = cos(beta + phi)
+    beta_rate_times_cos_beta_phi = beta_rate*cos_beta_phi
+    term_1 = cos_beta_phi*platform_turning
+    sin_beta_phi = sin(beta + phi)
+    beta_rate_times_sin_beta_phi = beta_rate*sin_beta_phi
+    term_2 = platform_turning*sin_beta_phi
+    out = _zeros((3, 3), x, c)
+    out[0, 0] = out[0, 2] = -L*beta_rate_times_cos_beta_phi - L*term_1
+    out[0, 1] = -beta_rate_times_sin_beta_phi - term_2
+    out[1, 0] = out[1, 2] = -L*beta_rate_times_sin_beta_phi - L*term_2
+    out[1, 1] = beta_rate_times_cos_beta_phi + term_1
     return out
 
 
@@ -1204,7 +1441,7 @@ def lie_q_lie_f_h(x, theta, c):
     x: state [q; v], (8,)
     theta: base parameters, (8,)
     c: known constants, (3,)
-    Returns: shape (n-m,) = (3,); 172 operations.
+    Returns: shape (n-m,) = (3,); 177 operations.
     """
     phi, beta, gamma, platform_turning, steer_forward, beta_rate = x[2], x[3], x[4], x[5], x[6], x[7]
     theta1, theta2, theta3, theta4, theta5, theta6, theta7, theta8 = (
@@ -1212,11 +1449,12 @@ def lie_q_lie_f_h(x, theta, c):
     )
     s, e, L = c[0], c[1], c[2]
     cos_gamma = cos(gamma)
-    term_1 = 1/(cos_gamma*s)
+    s_inverse = 1/s
+    term_1 = s_inverse/cos_gamma
     u_caster_per_beta_rate = term_1*theta2
     term_2 = theta7*u_caster_per_beta_rate
-    term_3 = cos(beta)*theta3
-    term_4 = term_1*theta6
+    term_3 = cos(beta)*theta4
+    term_4 = term_1*theta1
     sin_gamma = sin(gamma)
     e_inverse = 1/e
     s_over_e = e_inverse*s
@@ -1232,60 +1470,60 @@ def lie_q_lie_f_h(x, theta, c):
     )
     term_6 = theta7*u_drive_per_platform_turning
     term_7 = caster_turning_platform_turning*caster_turning_steer_forward
-    u_drive_per_steer_forward = -term_3*term_5 + theta2*(caster_turning_steer_forward**2 - term_7*term_5) + theta8
+    u_drive_per_steer_forward = -term_3*term_5 + theta2*(caster_turning_steer_forward**2 - term_7*term_5) + theta5
     u_drive_per_beta_rate = -cos_beta_minus_gamma*u_caster_per_beta_rate
     cos_gamma_times_s = cos_gamma*s
     u_caster_per_platform_turning = (
-        caster_turning_platform_turning_squared*u_caster_per_beta_rate + cos_gamma_times_s*theta5 + term_4
+        caster_turning_platform_turning_squared*u_caster_per_beta_rate + cos_gamma_times_s*theta3 + term_4
     )
-    u_caster_per_steer_forward = cos_beta_minus_gamma*theta5 + term_1*term_3 + term_7*u_caster_per_beta_rate
+    u_caster_per_steer_forward = cos_beta_minus_gamma*theta3 + term_7*u_caster_per_beta_rate + term_1*term_3
     effort_determinant = (
-        -term_2*u_drive_per_steer_forward - term_6*u_caster_per_steer_forward
+        -term_6*u_caster_per_steer_forward - term_2*u_drive_per_steer_forward
         + theta7*u_caster_per_platform_turning*u_drive_per_steer_forward
         + theta7*u_caster_per_steer_forward*u_drive_per_beta_rate
     )
     effort_determinant_inverse = 1/effort_determinant
     term_8 = cos_beta_minus_gamma*steer_forward
+    term_9 = sin(beta)*term_1*theta4
+    term_10 = caster_turning_steer_forward*steer_forward
     gamma_dot_platform_turning = caster_turning_platform_turning - 1
-    gamma_dot = caster_turning_steer_forward*steer_forward + gamma_dot_platform_turning*platform_turning
+    gamma_dot = gamma_dot_platform_turning*platform_turning + term_10
     caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*s_over_e
-    term_9 = caster_turning_platform_turning_dot*platform_turning
-    term_10 = caster_turning_platform_turning*term_1
+    term_11 = caster_turning_platform_turning_dot*platform_turning
     cos_beta_minus_gamma_over_e = cos_beta_minus_gamma*e_inverse
     caster_turning_steer_forward_dot = beta_rate*cos_beta_minus_gamma_over_e - gamma_dot*cos_beta_minus_gamma_over_e
-    term_11 = caster_turning_steer_forward_dot*term_10
-    sin_beta = sin(beta)
-    term_12 = sin_beta*term_1
-    term_13 = steer_forward*term_12
+    term_12 = caster_turning_steer_forward_dot*steer_forward
+    platform_turning_times_s = platform_turning*s
     caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
     u_caster_hold = (
-        theta1*(platform_turning*cos_gamma_times_s + term_8) + theta2*(steer_forward*term_11 + term_9*term_10)
-        + theta3*(-beta_rate*term_13 - platform_turning*term_13)
-        + theta5*(caster_forward_steer_forward_dot*steer_forward - gamma_dot*platform_turning*s*sin_gamma)
+        caster_turning_platform_turning*u_caster_per_beta_rate*(term_11 + term_12)
+        - steer_forward*term_9*(beta_rate + platform_turning)
+        + theta3*(caster_forward_steer_forward_dot*steer_forward - gamma_dot*sin_gamma*platform_turning_times_s)
+        + theta6*(platform_turning*cos_gamma_times_s + term_8)
     )
-    term_14 = effort_determinant_inverse*u_caster_hold
-    term_15 = term_14*theta7*u_drive_per_steer_forward
-    term_16 = term_8*term_12
+    term_13 = effort_determinant_inverse*u_caster_hold
+    term_14 = term_13*theta7*u_drive_per_steer_forward
     u_drive_hold = (
-        steer_forward*theta1 + theta2*(-caster_turning_platform_turning*term_9*term_5
-        + caster_turning_platform_turning_dot*caster_turning_steer_forward*platform_turning
-        + caster_turning_steer_forward*caster_turning_steer_forward_dot*steer_forward - term_8*term_11)
-        + theta3*(beta_rate*term_16 + platform_turning**2*sin_beta + platform_turning*term_16)
+        term_9*(beta_rate*term_8 + platform_turning**2*cos_gamma_times_s + platform_turning*term_8)
+        + theta2*(caster_turning_steer_forward*term_11 + caster_turning_steer_forward_dot*term_10
+        - term_5*(caster_turning_platform_turning*term_11 + caster_turning_platform_turning*term_12))
+        + theta6*(-cos_beta_minus_gamma*s_inverse*(platform_turning*s**2 + s*term_8)
+        + cos_beta_minus_gamma*platform_turning_times_s + steer_forward*(cos_beta_minus_gamma**2 + 1))
     )
-    term_17 = effort_determinant_inverse*u_drive_hold
-    term_18 = term_17*theta7*u_caster_per_steer_forward
-    term_19 = beta_rate*effort_determinant_inverse*theta4
-    term_20 = (
-        -term_15 + term_18
-        - term_19*(-u_caster_per_beta_rate*u_drive_per_steer_forward + u_caster_per_steer_forward*u_drive_per_beta_rate)
+    term_15 = effort_determinant_inverse*u_drive_hold
+    term_16 = term_15*theta7*u_caster_per_steer_forward
+    term_17 = beta_rate*effort_determinant_inverse*theta8
+    term_18 = (
+        -term_14 + term_16
+        - term_17*(-u_caster_per_beta_rate*u_drive_per_steer_forward + u_caster_per_steer_forward*u_drive_per_beta_rate)
     )
-    term_21 = (
-        term_15 - term_18 - term_19*(u_caster_per_platform_turning*u_drive_per_steer_forward
+    term_19 = (
+        term_14 - term_16 - term_17*(u_caster_per_platform_turning*u_drive_per_steer_forward
         - u_caster_per_steer_forward*u_drive_per_platform_turning)
     )
-    term_22 = (
-        -term_14*(-term_6 + theta7*u_drive_per_beta_rate) - term_17*(-term_2 + theta7*u_caster_per_platform_turning)
-        - term_19*(u_caster_per_beta_rate*u_drive_per_platform_turning
+    term_20 = (
+        -term_13*(-term_6 + theta7*u_drive_per_beta_rate) - term_15*(-term_2 + theta7*u_caster_per_platform_turning)
+        - term_17*(u_caster_per_beta_rate*u_drive_per_platform_turning
         - u_caster_per_platform_turning*u_drive_per_beta_rate)
     )
     cos_beta_phi = cos(beta + phi)
@@ -1293,9 +1531,9 @@ def lie_q_lie_f_h(x, theta, c):
     y1_dot_platform_turning = -L*sin_beta_phi
     y2_dot_platform_turning = L*cos_beta_phi
     out = _zeros((3,), x, theta, c)
-    out[0] = term_20*y1_dot_platform_turning + term_21*y1_dot_platform_turning + term_22*cos_beta_phi
-    out[1] = term_20*y2_dot_platform_turning + term_21*y2_dot_platform_turning + term_22*sin_beta_phi
-    out[2] = term_20
+    out[0] = term_18*y1_dot_platform_turning + term_19*y1_dot_platform_turning + term_20*cos_beta_phi
+    out[1] = term_18*y2_dot_platform_turning + term_19*y2_dot_platform_turning + term_20*sin_beta_phi
+    out[2] = term_18
     return out
 
 
@@ -1309,21 +1547,21 @@ def decoupling_matrix(x, theta, c):
     Returns: shape (n-m, n_u) = (3, 3); 100 operations.
     """
     phi, beta, gamma = x[2], x[3], x[4]
-    theta2, theta3, theta5, theta6, theta7, theta8 = theta[1], theta[2], theta[4], theta[5], theta[6], theta[7]
+    theta1, theta2, theta3, theta4, theta5, theta7 = theta[0], theta[1], theta[2], theta[3], theta[4], theta[6]
     s, e, L = c[0], c[1], c[2]
     cos_gamma = cos(gamma)
     term_1 = 1/(cos_gamma*s)
     u_caster_per_beta_rate = term_1*theta2
     term_2 = theta7*u_caster_per_beta_rate
-    term_3 = term_1*theta6
+    term_3 = term_1*theta1
     e_inverse = 1/e
     caster_turning_platform_turning = -e_inverse*s*sin(gamma)
     caster_turning_platform_turning_squared = caster_turning_platform_turning**2
     u_caster_per_platform_turning = (
-        caster_turning_platform_turning_squared*u_caster_per_beta_rate + cos_gamma*s*theta5 + term_3
+        caster_turning_platform_turning_squared*u_caster_per_beta_rate + cos_gamma*s*theta3 + term_3
     )
     term_4 = -term_2 + theta7*u_caster_per_platform_turning
-    term_5 = cos(beta)*theta3
+    term_5 = cos(beta)*theta4
     cos_beta_minus_gamma = cos(beta - gamma)
     term_6 = cos_beta_minus_gamma*term_1
     caster_turning_steer_forward = e_inverse*sin(beta - gamma)
@@ -1332,9 +1570,9 @@ def decoupling_matrix(x, theta, c):
         - caster_turning_platform_turning_squared*term_6)
     )
     term_7 = caster_turning_platform_turning*caster_turning_steer_forward
-    u_caster_per_steer_forward = cos_beta_minus_gamma*theta5 + term_1*term_5 + term_7*u_caster_per_beta_rate
+    u_caster_per_steer_forward = cos_beta_minus_gamma*theta3 + term_1*term_5 + term_7*u_caster_per_beta_rate
     term_8 = u_caster_per_steer_forward*u_drive_per_platform_turning
-    u_drive_per_steer_forward = -term_5*term_6 + theta2*(caster_turning_steer_forward**2 - term_6*term_7) + theta8
+    u_drive_per_steer_forward = -term_5*term_6 + theta2*(caster_turning_steer_forward**2 - term_6*term_7) + theta5
     u_drive_per_beta_rate = -cos_beta_minus_gamma*u_caster_per_beta_rate
     effort_determinant = (
         -term_8*theta7 - term_2*u_drive_per_steer_forward
@@ -1376,72 +1614,73 @@ def inverse_regressor(x, a, c):
     x: state [q; v], (8,)
     a: accelerations v', (3,)
     c: known constants, (3,)
-    Returns: shape (n_u, n_pi) = (3, 8); 104 operations.
+    Returns: shape (n_u, n_pi) = (3, 8); 112 operations.
     """
     beta, gamma, platform_turning, steer_forward, beta_rate = x[3], x[4], x[5], x[6], x[7]
     a_platform_turning, a_steer_forward, a_beta_rate = a[0], a[1], a[2]
     s, e = c[0], c[1]
+    cos_gamma = cos(gamma)
+    cos_gamma_inverse = 1/cos_gamma
+    s_inverse = 1/s
+    cos_beta_minus_gamma = cos(beta - gamma)
+    cos_beta_minus_gamma_over_s = cos_beta_minus_gamma*s_inverse
+    term_1 = cos_gamma_inverse*cos_beta_minus_gamma_over_s
     sin_beta_minus_gamma = sin(beta - gamma)
     e_inverse = 1/e
     caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
-    term_1 = caster_turning_steer_forward*steer_forward
-    cos_gamma = cos(gamma)
+    term_2 = caster_turning_steer_forward*steer_forward
     s_over_e = e_inverse*s
     sin_gamma = sin(gamma)
     caster_turning_platform_turning = -sin_gamma*s_over_e
     gamma_dot_platform_turning = caster_turning_platform_turning - 1
-    gamma_dot = gamma_dot_platform_turning*platform_turning + term_1
+    gamma_dot = gamma_dot_platform_turning*platform_turning + term_2
     caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*s_over_e
-    term_2 = caster_turning_platform_turning_dot*platform_turning
-    cos_gamma_inverse = 1/cos_gamma
-    s_inverse = 1/s
-    term_3 = cos_gamma_inverse*s_inverse
-    term_4 = a_beta_rate*term_3
-    cos_beta_minus_gamma = cos(beta - gamma)
-    term_5 = cos_beta_minus_gamma*term_3
-    term_6 = cos_beta_minus_gamma*steer_forward
-    term_7 = caster_turning_platform_turning*term_3
+    term_3 = caster_turning_platform_turning_dot*platform_turning
+    term_4 = caster_turning_platform_turning*caster_turning_steer_forward
+    caster_turning_platform_turning_squared = caster_turning_platform_turning**2
     cos_beta_minus_gamma_over_e = cos_beta_minus_gamma*e_inverse
     caster_turning_steer_forward_dot = beta_rate*cos_beta_minus_gamma_over_e - gamma_dot*cos_beta_minus_gamma_over_e
-    term_8 = caster_turning_steer_forward_dot*term_7
-    term_9 = caster_turning_platform_turning*caster_turning_steer_forward
-    caster_turning_platform_turning_squared = caster_turning_platform_turning**2
-    sin_beta = sin(beta)
+    term_5 = caster_turning_steer_forward_dot*steer_forward
     cos_beta = cos(beta)
-    term_10 = a_steer_forward*cos_beta_minus_gamma
-    term_11 = sin_beta*term_3
-    term_12 = term_6*term_11
-    term_13 = a_platform_turning*term_3
+    term_6 = a_steer_forward*cos_beta_minus_gamma
+    term_7 = cos_gamma_inverse*s_inverse
+    term_8 = cos_beta*term_7
+    term_9 = cos_beta_minus_gamma*steer_forward
     cos_gamma_times_s = cos_gamma*s
-    term_14 = steer_forward*term_11
+    term_10 = sin(beta)*term_7
+    platform_turning_times_s = platform_turning*s
+    term_11 = a_platform_turning*term_7
     caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
     out = _zeros((3, 8), x, a, c)
-    out[0, 0] = steer_forward
+    out[0, 0] = -a_platform_turning*term_1
     out[0, 1] = (
-        a_platform_turning*(caster_turning_platform_turning*caster_turning_steer_forward
-        - caster_turning_platform_turning_squared*term_5) + a_steer_forward*(caster_turning_steer_forward**2
-        - term_9*term_5) - cos_beta_minus_gamma*term_4 - caster_turning_platform_turning*term_2*term_5
-        + caster_turning_steer_forward*term_2 + caster_turning_steer_forward_dot*term_1 - term_6*term_8
+        -a_beta_rate*term_1 + a_platform_turning*(caster_turning_platform_turning*caster_turning_steer_forward
+        - caster_turning_platform_turning_squared*term_1) + a_steer_forward*(caster_turning_steer_forward**2
+        - term_1*term_4) + caster_turning_steer_forward*term_3 + caster_turning_steer_forward_dot*term_2
+        - term_1*(caster_turning_platform_turning*term_5 + caster_turning_platform_turning*term_3)
     )
-    out[0, 2] = (
-        a_platform_turning*cos_beta + beta_rate*term_12 - cos_beta*term_10*term_3 + platform_turning**2*sin_beta
-        + platform_turning*term_12
+    out[0, 3] = (
+        a_platform_turning*cos_beta - term_6*term_8
+        + term_10*(beta_rate*term_9 + platform_turning**2*cos_gamma_times_s + platform_turning*term_9)
     )
-    out[0, 5] = -cos_beta_minus_gamma*term_13
-    out[0, 7] = a_steer_forward
-    out[1, 3] = beta_rate
+    out[0, 4] = a_steer_forward
+    out[0, 5] = (
+        cos_beta_minus_gamma*platform_turning_times_s + steer_forward*(cos_beta_minus_gamma**2 + 1)
+        - cos_beta_minus_gamma_over_s*(platform_turning*s**2 + s*term_9)
+    )
     out[1, 6] = a_beta_rate + a_platform_turning
-    out[2, 0] = platform_turning*cos_gamma_times_s + term_6
+    out[1, 7] = beta_rate
+    out[2, 0] = term_11
     out[2, 1] = (
-        a_steer_forward*term_9*term_3 + caster_turning_platform_turning_squared*term_13 + steer_forward*term_8
-        + term_7*term_2 + term_4
+        a_beta_rate*term_7 + a_steer_forward*term_7*term_4 + caster_turning_platform_turning*term_7*(term_5 + term_3)
+        + caster_turning_platform_turning_squared*term_11
     )
-    out[2, 2] = a_steer_forward*cos_beta*cos_gamma_inverse*s_inverse - beta_rate*term_14 - platform_turning*term_14
-    out[2, 4] = (
+    out[2, 2] = (
         a_platform_turning*cos_gamma_times_s + caster_forward_steer_forward_dot*steer_forward
-        - gamma_dot*platform_turning*s*sin_gamma + term_10
+        - gamma_dot*sin_gamma*platform_turning_times_s + term_6
     )
-    out[2, 5] = term_13
+    out[2, 3] = a_steer_forward*term_8 - steer_forward*term_10*(beta_rate + platform_turning)
+    out[2, 5] = platform_turning*cos_gamma_times_s + term_9
     return out
 
 
@@ -1455,16 +1694,16 @@ def inverse_base_parameters(p):
     r, d, m, m_w, I, I_w, J, K1, K2, K1_s, K2_s = p[0], p[3], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13]
     K1_inverse = 1/K1
     r_over_K1 = K1_inverse*r
-    K1_s_inverse = 1/K1_s
-    term_1 = J/r**2 + m_w
     inertia_platform = I + d**2*m
+    term_1 = J/r**2 + m_w
+    K1_s_inverse = 1/K1_s
     out = _zeros((8,), p)
-    out[0] = K1_inverse*K2/r
+    out[0] = r_over_K1*(I_w + inertia_platform)
     out[1] = I_w*r_over_K1
-    out[2] = d*m*r_over_K1
-    out[3] = K1_s_inverse*K2_s
-    out[4] = r_over_K1*term_1
-    out[5] = r_over_K1*(I_w + inertia_platform)
+    out[2] = r_over_K1*term_1
+    out[3] = d*m*r_over_K1
+    out[4] = r_over_K1*(m + term_1)
+    out[5] = K1_inverse*K2/r
     out[6] = I_w*K1_s_inverse
-    out[7] = r_over_K1*(m + term_1)
+    out[7] = K1_s_inverse*K2_s
     return out

@@ -15,11 +15,12 @@ u: motor voltages: u_1 [V], u_2 [V], u_3 [V]
 w: generalized forces on v, Fbar + taubar_d: w_platform_forward [N], w_platform_lateral [N], w_platform_turning [N
     m]
 c: known constants: none
+v_r: reference pseudo-velocities: platform_forward_ref [m/s], platform_lateral_ref [m/s], platform_turning_ref [1/s]
+a: accelerations v': a_platform_forward [m/s^2], a_platform_lateral [m/s^2], a_platform_turning [1/s^2]
 theta: base parameters: theta1 [1/s], theta2 [1/s], theta3 [m/s], theta4 [m], theta5 [1], theta6 [1], theta7 [1/s],
     theta8 [m/s], theta9 [m], theta10 [1], theta11 [1/(m s)], theta12 [1/(m s)], theta13 [1/s], theta14 [1/m],
     theta15 [1/m], theta16 [m/(V s^2)], theta17 [m/(V s^2)], theta18 [1/(V s^2)], theta19 [m/(V s^2)], theta20 [m/(V
     s^2)], theta21 [m/(V s^2)], theta22 [1/(V s^2)], theta23 [1/(V s^2)]
-a: accelerations v': a_platform_forward [m/s^2], a_platform_lateral [m/s^2], a_platform_turning [1/s^2]
 """
 
 import functools
@@ -188,26 +189,26 @@ BASE_PARAMETER_FORMULAS = {
     ),
 }
 INVERSE_BASE_PARAMETERS = {
-    "pi1": "V s/m",
-    "pi2": "V s",
+    "pi1": "V s^2/m",
+    "pi2": "V s^2",
     "pi3": "V s^2",
-    "pi4": "V s^2/m",
+    "pi4": "V s/m",
     "pi5": "V s^2/m",
     "pi6": "V s^2/m",
-    "pi7": "V s^2",
-    "pi8": "V s^2/m",
-    "pi9": "V s^2",
+    "pi7": "V s^2/m",
+    "pi8": "V s^2",
+    "pi9": "V s",
 }
 INVERSE_BASE_PARAMETER_FORMULAS = {
-    "pi1": "K2/(K1*r)",
-    "pi2": "K2*R/(K1*r)",
-    "pi3": "-2*m*r*s/(3*K1)",
-    "pi4": "r*(2*m + 6*m_w + d*m/R)/(3*K1)",
-    "pi5": "-m*r*s/(3*K1*R)",
-    "pi6": "r*(m + 3*m_w - d*m/R)/(3*K1)",
-    "pi7": "d*m*r/(3*K1)",
-    "pi8": "r*(3*J/(2*r**2) + m + 3*m_w)/(3*K1)",
-    "pi9": "r*(2*d*m + (I + 3*I_w + 3*J*R**2/r**2 + 3*R**2*m_w + m*(d**2 + s**2))/R)/(3*K1)",
+    "pi1": "r*(3*J/(2*r**2) + m + 3*m_w)/K1",
+    "pi2": "-m*r*s/K1",
+    "pi3": "d*m*r/K1",
+    "pi4": "3*K2/(2*K1*r)",
+    "pi5": "r*(m + 3*m_w)/K1",
+    "pi6": "-m*r*s/(K1*R)",
+    "pi7": "d*m*r/(K1*R)",
+    "pi8": "r*(I + 3*I_w + 3*J*R**2/r**2 + 3*R**2*m_w + m*(d**2 + s**2))/(K1*R)",
+    "pi9": "3*K2*R/(K1*r)",
 }
 
 
@@ -734,6 +735,131 @@ def base_parameters(p):
 
 
 @_function(q=3, c=0)
+def allocation(q, c):
+    """R(q): what the motors do, but for uncertain factors Delta(p); Bbar K1 = L Delta R.
+
+    q: generalized coordinates, (3,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_u) = (3, 3); 6 operations.
+    """
+    term_1 = sqrt(3)/2
+    out = _zeros((3, 3), q, c)
+    out[0, 1] = -term_1
+    out[0, 2] = term_1
+    out[1, 0] = out[2, 0] = out[2, 1] = out[2, 2] = 1
+    out[1, 1] = out[1, 2] = -1/2
+    return out
+
+
+@_function(x=6, v_r=3, a=3, c=0)
+def passivity_regressor(x, v_r, a, c):
+    """Y: (L Delta)^-1 (Mbar a + Cbar v_r) = Y pi for all v_r and a; R u = Y pi with v_r = v brings about v' = a; equation
+        (14) over Delta.
+
+    x: state [q; v], (6,)
+    v_r: reference pseudo-velocities, (3,)
+    a: accelerations v', (3,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_pi) = (3, 9); 7 operations.
+    """
+    platform_turning = x[5]
+    platform_forward_ref, platform_lateral_ref, platform_turning_ref = v_r[0], v_r[1], v_r[2]
+    a_platform_forward, a_platform_lateral, a_platform_turning = a[0], a[1], a[2]
+    term_1 = platform_turning*platform_turning_ref
+    term_2 = -platform_lateral_ref*platform_turning
+    term_3 = platform_forward_ref*platform_turning
+    out = _zeros((3, 9), x, v_r, a, c)
+    out[0, 0] = a_platform_forward
+    out[0, 1] = out[1, 2] = out[2, 7] = a_platform_turning
+    out[0, 2] = -term_1
+    out[0, 3] = platform_forward_ref
+    out[0, 4] = term_2
+    out[1, 0] = a_platform_lateral
+    out[1, 1] = term_1
+    out[1, 3] = platform_lateral_ref
+    out[1, 4] = term_3
+    out[2, 5] = a_platform_forward + term_2
+    out[2, 6] = a_platform_lateral + term_3
+    out[2, 8] = platform_turning_ref
+    return out
+
+
+@_function(x=6, c=0)
+def momentum_regressor(x, c):
+    """N: Y at v_r = 0, a = v; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_pi) = (3, 9); 0 operations.
+    """
+    platform_forward, platform_lateral, platform_turning = x[3], x[4], x[5]
+    out = _zeros((3, 9), x, c)
+    out[0, 0] = out[2, 5] = platform_forward
+    out[0, 1] = out[1, 2] = out[2, 7] = platform_turning
+    out[1, 0] = out[2, 6] = platform_lateral
+    return out
+
+
+@_function(x=6, c=0)
+def rest_regressor(x, c):
+    """H: R u = d/dt (N pi) + H pi without load; equation (14) over Delta, integrated.
+
+    x: state [q; v], (6,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_pi) = (3, 9); 5 operations.
+    """
+    platform_forward, platform_lateral, platform_turning = x[3], x[4], x[5]
+    platform_turning_squared = platform_turning**2
+    out = _zeros((3, 9), x, c)
+    out[0, 2] = -platform_turning_squared
+    out[0, 3] = platform_forward
+    out[0, 4] = out[2, 5] = -platform_lateral*platform_turning
+    out[1, 1] = platform_turning_squared
+    out[1, 3] = platform_lateral
+    out[1, 4] = out[2, 6] = platform_forward*platform_turning
+    out[2, 8] = platform_turning
+    return out
+
+
+@_function(p=11)
+def passivity_parameters(p):
+    """pi(p) of R u = Y pi; equation (14) over Delta.
+
+    p: physical parameters, (11,)
+    Returns: shape (n_pi,) = (9,); 39 operations.
+    """
+    r, R, d, s, m, m_w, I, I_w, J, K1, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10]
+    r_over_K1 = r/K1
+    r_squared_inverse = 1/(r**2)
+    term_1 = 3*r_squared_inverse/2
+    term_2 = 3*m_w
+    mass_platform = m + term_2
+    inertia_platform_forward_platform_forward = J*term_1 + mass_platform
+    m_times_r_over_K1 = m*r_over_K1
+    s_times_m_times_r_over_K1 = s*m_times_r_over_K1
+    d_times_m_times_r_over_K1 = d*m_times_r_over_K1
+    coriolis_platform_forward_platform_forward = K2*term_1
+    R_inverse = 1/R
+    r_over_K1_over_R = R_inverse*r_over_K1
+    R_squared = R**2
+    term_3 = 3*R_squared*r_squared_inverse
+    inertia_platform = I + 3*I_w + R_squared*term_2 + m*(d**2 + s**2)
+    inertia_platform_turning_platform_turning = J*term_3 + inertia_platform
+    coriolis_platform_turning_platform_turning = K2*term_3
+    out = _zeros((9,), p)
+    out[0] = inertia_platform_forward_platform_forward*r_over_K1
+    out[1] = -s_times_m_times_r_over_K1
+    out[2] = d_times_m_times_r_over_K1
+    out[3] = coriolis_platform_forward_platform_forward*r_over_K1
+    out[4] = mass_platform*r_over_K1
+    out[5] = -R_inverse*s_times_m_times_r_over_K1
+    out[6] = R_inverse*d_times_m_times_r_over_K1
+    out[7] = inertia_platform_turning_platform_turning*r_over_K1_over_R
+    out[8] = coriolis_platform_turning_platform_turning*r_over_K1_over_R
+    return out
+
+
+@_function(q=3, c=0)
 def output(q, c):
     """y = h(q); equation (17).
 
@@ -759,6 +885,41 @@ def output_jacobian(q, c):
     """
     out = _zeros((3, 3), q, c)
     out[0, 0] = out[1, 1] = out[2, 2] = 1
+    return out
+
+
+@_function(q=3, c=0)
+def output_map(q, c):
+    """E = J_h S: y' = E v; equation (19).
+
+    q: generalized coordinates, (3,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n-m) = (3, 3); 3 operations.
+    """
+    phi = q[2]
+    sin_phi = sin(phi)
+    out = _zeros((3, 3), q, c)
+    out[0, 0] = out[1, 1] = cos(phi)
+    out[0, 1] = -sin_phi
+    out[1, 0] = sin_phi
+    out[2, 2] = 1
+    return out
+
+
+@_function(x=6, c=0)
+def output_map_rate(x, c):
+    """E' along q' = S v: y'' = E v' + E' v; equation (19).
+
+    x: state [q; v], (6,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n-m) = (3, 3); 6 operations.
+    """
+    phi, platform_turning = x[2], x[5]
+    term_1 = cos(phi)*platform_turning
+    out = _zeros((3, 3), x, c)
+    out[0, 0] = out[1, 1] = -platform_turning*sin(phi)
+    out[0, 1] = -term_1
+    out[1, 0] = term_1
     return out
 
 
@@ -956,47 +1117,45 @@ def inverse_regressor(x, a, c):
     x: state [q; v], (6,)
     a: accelerations v', (3,)
     c: known constants, (0,)
-    Returns: shape (n_u, n_pi) = (3, 9); 40 operations.
+    Returns: shape (n_u, n_pi) = (3, 9); 45 operations.
     """
     platform_forward, platform_lateral, platform_turning = x[3], x[4], x[5]
     a_platform_forward, a_platform_lateral, a_platform_turning = a[0], a[1], a[2]
     platform_turning_squared = platform_turning**2
-    term_1 = a_platform_lateral/3
-    term_2 = platform_forward*platform_turning
-    term_3 = platform_lateral*platform_turning
-    term_4 = 2*a_platform_lateral/3
-    term_5 = platform_lateral/2
-    term_6 = sqrt(3)
-    term_7 = term_6/2
-    term_8 = platform_forward*term_7
-    term_9 = platform_turning_squared/2
-    term_10 = a_platform_turning*term_7
-    term_11 = term_3*term_6/3
-    term_12 = term_2 + term_4
-    term_13 = 3*a_platform_turning
-    term_14 = platform_turning_squared*term_6
-    term_15 = a_platform_forward*term_6
+    term_1 = a_platform_forward/3
+    term_2 = platform_turning/3
+    term_3 = platform_lateral*term_2
+    term_4 = a_platform_lateral/3
+    term_5 = platform_forward*term_2
+    term_6 = a_platform_turning/3
+    term_7 = sqrt(3)
+    term_8 = term_7*term_1
+    term_9 = platform_turning_squared/3
+    term_10 = term_7*term_6
+    term_11 = term_7*term_9
+    term_12 = platform_lateral/3
+    term_13 = platform_forward*term_7/3
+    term_14 = term_7*term_3
     out = _zeros((3, 9), x, a, c)
-    out[0, 0] = platform_lateral
-    out[0, 1] = out[1, 1] = out[2, 1] = platform_turning
-    out[0, 2] = platform_turning_squared
-    out[0, 3] = term_1 + term_2
-    out[0, 4] = out[1, 4] = out[2, 4] = a_platform_forward - term_3
-    out[0, 5] = -term_4
-    out[0, 7] = 2*a_platform_lateral
-    out[0, 8] = out[1, 8] = out[2, 8] = a_platform_turning
-    out[1, 0] = -term_8 - term_5
-    out[1, 2] = -term_9 - term_10
-    out[1, 3] = term_11 + term_1
-    out[1, 5] = term_11 - term_12
-    out[1, 6] = -term_13 + term_14
-    out[1, 7] = -a_platform_lateral - term_15
-    out[2, 0] = term_8 - term_5
-    out[2, 2] = -term_9 + term_10
-    out[2, 3] = -term_11 + term_1
-    out[2, 5] = -term_11 - term_12
-    out[2, 6] = -term_13 - term_14
-    out[2, 7] = -a_platform_lateral + term_15
+    out[0, 0] = 2*a_platform_lateral/3
+    out[0, 1] = 2*platform_turning_squared/3
+    out[0, 2] = 2*a_platform_turning/3
+    out[0, 3] = 2*platform_lateral/3
+    out[0, 4] = 2*platform_forward*platform_turning/3
+    out[0, 5] = out[1, 5] = out[2, 5] = term_1 - term_3
+    out[0, 6] = out[1, 6] = out[2, 6] = term_4 + term_5
+    out[0, 7] = out[1, 7] = out[2, 7] = term_6
+    out[0, 8] = out[1, 8] = out[2, 8] = term_2
+    out[1, 0] = -term_8 - term_4
+    out[1, 1] = -term_9 - term_10
+    out[1, 2] = term_11 - term_6
+    out[1, 3] = -term_12 - term_13
+    out[1, 4] = term_14 - term_5
+    out[2, 0] = term_8 - term_4
+    out[2, 1] = -term_9 + term_10
+    out[2, 2] = -term_11 - term_6
+    out[2, 3] = -term_12 + term_13
+    out[2, 4] = -term_14 - term_5
     return out
 
 
@@ -1005,35 +1164,34 @@ def inverse_base_parameters(p):
     """pi(p) of u = Y_u pi; equation (14) inverted.
 
     p: physical parameters, (11,)
-    Returns: shape (n_pi,) = (9,); 48 operations.
+    Returns: shape (n_pi,) = (9,); 39 operations.
     """
     r, R, d, s, m, m_w, I, I_w, J, K1, K2 = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], p[9], p[10]
     r_over_K1 = r/K1
-    term_1 = 2*r_over_K1/3
     r_squared_inverse = 1/(r**2)
-    term_2 = 3*r_squared_inverse/2
-    coriolis_platform_forward_platform_forward = K2*term_2
-    term_3 = r_over_K1/3
-    term_4 = term_3/R
+    term_1 = 3*r_squared_inverse/2
+    term_2 = 3*m_w
+    mass_platform = m + term_2
+    inertia_platform_forward_platform_forward = J*term_1 + mass_platform
+    m_times_r_over_K1 = m*r_over_K1
+    s_times_m_times_r_over_K1 = s*m_times_r_over_K1
+    d_times_m_times_r_over_K1 = d*m_times_r_over_K1
+    coriolis_platform_forward_platform_forward = K2*term_1
+    R_inverse = 1/R
+    r_over_K1_over_R = R_inverse*r_over_K1
     R_squared = R**2
-    term_5 = 3*R_squared*r_squared_inverse
-    coriolis_platform_turning_platform_turning = K2*term_5
-    term_6 = m*term_1
-    d_times_m = d*m
-    term_7 = d_times_m*term_4
-    term_8 = 3*m_w
-    mass_platform = m + term_8
-    inertia_platform_forward_platform_forward = J*term_2 + mass_platform
-    inertia_platform = I + 3*I_w + R_squared*term_8 + m*(d**2 + s**2)
-    inertia_platform_turning_platform_turning = J*term_5 + inertia_platform
+    term_3 = 3*R_squared*r_squared_inverse
+    inertia_platform = I + 3*I_w + R_squared*term_2 + m*(d**2 + s**2)
+    inertia_platform_turning_platform_turning = J*term_3 + inertia_platform
+    coriolis_platform_turning_platform_turning = K2*term_3
     out = _zeros((9,), p)
-    out[0] = coriolis_platform_forward_platform_forward*term_1
-    out[1] = coriolis_platform_turning_platform_turning*term_4
-    out[2] = -s*term_6
-    out[3] = mass_platform*term_1 + term_7
-    out[4] = -m*s*term_4
-    out[5] = mass_platform*term_3 - term_7
-    out[6] = d_times_m*term_3
-    out[7] = inertia_platform_forward_platform_forward*term_3
-    out[8] = d*term_6 + inertia_platform_turning_platform_turning*term_4
+    out[0] = inertia_platform_forward_platform_forward*r_over_K1
+    out[1] = -s_times_m_times_r_over_K1
+    out[2] = d_times_m_times_r_over_K1
+    out[3] = coriolis_platform_forward_platform_forward*r_over_K1
+    out[4] = mass_platform*r_over_K1
+    out[5] = -R_inverse*s_times_m_times_r_over_K1
+    out[6] = R_inverse*d_times_m_times_r_over_K1
+    out[7] = inertia_platform_turning_platform_turning*r_over_K1_over_R
+    out[8] = coriolis_platform_turning_platform_turning*r_over_K1_over_R
     return out

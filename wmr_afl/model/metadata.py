@@ -46,7 +46,7 @@ class _Part(BaseModel):
 class FunctionEntry(_Part):
     """A generated function."""
 
-    arguments: list[Literal["q", "x", "u", "w", "a", "p", "theta", "c"]]
+    arguments: list[Literal["q", "x", "u", "w", "a", "v_r", "p", "theta", "c"]]
     shape: list[Formula]
     size: list[Count]
     equation: Line
@@ -111,6 +111,14 @@ class StraightLineEntry(_Part):
     backward: Line
 
 
+class GroupEntry(_Part):
+    """Rows and parameters that share an uncertain factor."""
+
+    rows: list[Count]
+    parameters: list[Name]
+    scale: Formula
+
+
 class FindingsEntry(_Part):
     """What the derivation found out."""
 
@@ -163,6 +171,9 @@ class Metadata(_Part):
     base_parameter_formulas: dict[Name, Formula]
     parametrization: Literal["forward", "inverse", "physical"]
     inverse_base_parameters: Units
+    passivity_parameters: Units
+    passivity_groups: list[GroupEntry]
+    passivity_obstacle: Formula | None
     geometry: GeometryEntry
     findings: FindingsEntry
 
@@ -196,7 +207,7 @@ class Metadata(_Part):
             "2n-m": len(self.state),
             "n_u": len(self.inputs),
             "n_theta": len(self.base_parameters),
-            "n_pi": len(self.inverse_base_parameters),
+            "n_pi": len(self.passivity_parameters) or len(self.inverse_base_parameters),
             "n_c": len(self.known),
             "n_p": len(self.parameters),
         }

@@ -185,6 +185,7 @@ class Model:
             "u": list(self.input_units),
             "w": [f"w_{name}" for name in state[n:]],
             "a": [f"a_{name}" for name in state[n:]],
+            "v_r": [f"{name}_ref" for name in state[n:]],
             "p": list(self.parameter_units),
             "theta": list(self.base_parameter_units),
             "c": list(self.known_units),

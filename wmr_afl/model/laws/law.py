@@ -44,6 +44,7 @@ class Situation:
         self.u = 5.0 * random.normal(size=(count, len(self.numpy.input_units)))
         self.w = random.normal(size=self.v.shape)
         self.a = random.normal(size=self.v.shape)
+        self.v_r = random.normal(size=self.v.shape)
         self.eta = random.normal(size=self.v.shape)
         self.p = self.numpy.parameters() * random.uniform(0.7, 1.3, (count, len(self.numpy.parameter_units)))
         self.c = self.numpy.known(self.p)
@@ -69,7 +70,7 @@ class Situation:
     @cached_property
     def arguments(self) -> dict[str, Floats]:
         """Every argument that generated functions take, by name."""
-        return {name: getattr(self, name) for name in ("q", "x", "u", "w", "a", "p", "theta", "c")}
+        return {name: getattr(self, name) for name in ("q", "x", "u", "w", "a", "v_r", "p", "theta", "c")}
 
     @cached_property
     def state_derivative(self) -> Floats:
@@ -115,6 +116,16 @@ def relative(value: ArrayLike, expected: ArrayLike) -> float:
         return 0.0
     difference = np.max(np.abs(value - expected))
     return float(difference / max(1.0, float(np.max(np.abs(expected)))))
+
+
+def missing_rank(regressor: Floats) -> float:
+    """How many columns of the stacked regressor follow from others."""
+    stacked = regressor.reshape(-1, regressor.shape[-1])
+    sizes = np.linalg.norm(stacked, axis=0)
+    if not np.all(np.isfinite(sizes)):
+        return np.inf
+    scaled = stacked / np.where(sizes > 0.0, sizes, 1.0)  # a column of zeros counts as missing
+    return float(scaled.shape[1] - np.linalg.matrix_rank(scaled, tol=1e-9))
 
 
 def times(matrix: Any, vector: Any) -> Floats:

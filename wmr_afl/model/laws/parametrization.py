@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wmr_afl.model.laws.law import Law, Situation, relative, times
+from wmr_afl.model.laws.law import Law, Situation, missing_rank, relative, times
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 
@@ -30,11 +30,11 @@ def _inverse_regressor(s: Situation) -> float:
 
 
 def _minimal(s: Situation) -> float:
-    return _missing_rank(s.numpy.regressor(*_many(s, s.u.shape[1])))
+    return missing_rank(s.numpy.regressor(*_many(s, s.u.shape[1])))
 
 
 def _inverse_minimal(s: Situation) -> float:
-    return _missing_rank(s.numpy.inverse_regressor(*_many(s, s.v.shape[1])))
+    return missing_rank(s.numpy.inverse_regressor(*_many(s, s.v.shape[1])))
 
 
 def _many(s: Situation, inputs: int) -> tuple[Floats, Floats, Floats]:
@@ -43,16 +43,6 @@ def _many(s: Situation, inputs: int) -> tuple[Floats, Floats, Floats]:
     x = random.normal(size=(count, s.x.shape[1]))
     generic = np.where(s.c[0] == 0.0, random.uniform(0.5, 1.5, s.c[0].shape), s.c[0])  # at zero columns may vanish
     return x, random.normal(size=(count, inputs)), generic
-
-
-def _missing_rank(regressor: Floats) -> float:
-    """How many columns of the stacked regressor follow from others."""
-    stacked = regressor.reshape(-1, regressor.shape[-1])
-    sizes = np.linalg.norm(stacked, axis=0)
-    if not np.all(np.isfinite(sizes)):
-        return np.inf
-    scaled = stacked / np.where(sizes > 0.0, sizes, 1.0)  # a column of zeros counts as missing
-    return float(scaled.shape[1] - np.linalg.matrix_rank(scaled, tol=1e-9))
 
 
 LAWS = (

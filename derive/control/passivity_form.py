@@ -1,0 +1,217 @@
+"""The dynamics as adaptation by passivity needs them: linear in base parameters pi, and nothing estimated is inverted.
+
+    Bbar K1 = L(q, c) Delta(p) R(q, c)                                  Delta diagonal: uncertain factors
+    Delta^-1 L^-1 (Mbar a + Cbar v_r) = Y(x, v_r, a, c) pi              for all v_r and a
+    R u = Y(x, v, v', c) pi + Delta^-1 L^-1 w                           the robot's own motion
+        = d/dt (N(x, c) pi) + H(x, c) pi + Delta^-1 L^-1 w              the same without v': N = Y(x, 0, v)
+
+Rows whose factors differ by known constants only are a group; groups share no base parameters, so that each may have its
+own unknown factor. L is the identity where every row of Bbar K1 is an uncertain factor times a known row, and R where
+every column is: motors of unequal gain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+from sympy import Expr, Matrix, Symbol
+
+from ..algebra.named_terms import Terms
+from ..algebra.separation import NotSeparable, Parameters, Separation
+from ..algebra.trigonometry import factored, shortest
+from ..mechanics.dynamics import Dynamics
+from ..mechanics.kinematics import Kinematics
+from .base_parameters import LinearMap, linear_map
+
+
+@dataclass(frozen=True)
+class Group:
+    """Rows that share an uncertain factor, and the base parameters that appear in them only."""
+
+    rows: tuple[int, ...]
+    parameters: tuple[int, ...]
+    scale: Expr  # Delta of these rows
+
+
+@dataclass(frozen=True)
+class PassivityForm:
+    """The functions of these equations."""
+
+    row_map: Matrix | None  # L (n-m, n-m); None if it is the identity
+    allocation: Matrix  # R (n-m, n_u)
+    accelerations: tuple[Symbol, ...]  # a
+    reference_velocities: tuple[Symbol, ...]  # v_r
+    slopes: tuple[Matrix, ...]  # of Y in (a, v_r), each (n-m, n_pi)
+    rest_regressor: Matrix  # H (n-m, n_pi)
+    parameters: tuple[Expr, ...]  # pi
+    groups: tuple[Group, ...]
+
+    @property
+    def regressor(self) -> Matrix:
+        """Y (n-m, n_pi)."""
+        return _at((*self.accelerations, *self.reference_velocities), self.slopes)
+
+    def momentum_regressor(self, v: tuple[Symbol, ...]) -> Matrix:
+        """N (n-m, n_pi)."""
+        return _at(v, self.slopes[: len(v)])
+
+    def inverse(self, v: tuple[Symbol, ...], terms: Terms) -> LinearMap | None:
+        """u = R^-1 Y(x, v, a, c) pi, if there are as many motors as pseudo-velocities."""
+        if not self.allocation.is_square:
+            return None
+        still, own = _at(v, self.slopes[len(v) :]), self.slopes[: len(v)]
+        if self.allocation != sp.eye(len(v)):
+            inverse = self.allocation.adjugate() / factored(self.allocation.det(method="berkowitz"))
+            still, own = inverse * still, tuple(inverse * slope for slope in own)
+        return LinearMap(self.parameters, still.applyfunc(terms.simplified), own)
+
+
+def passivity_form(
+    kinematics: Kinematics,
+    dynamics: Dynamics,
+    accelerations: tuple[Symbol, ...],
+    reference_velocities: tuple[Symbol, ...],
+    parameters: Parameters,
+) -> PassivityForm | str:
+    """The form, or in a sentence why there is none and which parameter would have to be known."""
+    scaled = _scaled(dynamics.input_matrix, kinematics, parameters)
+    if scaled is None:
+        return _obstacle(dynamics.input_matrix, kinematics, parameters)
+    try:
+        return _form(scaled, kinematics, dynamics, accelerations, reference_velocities, parameters)
+    except NotSeparable as error:
+        return f"{error.factor} mixes state and uncertain parameters, and {_names(error.factor, parameters)} is not known"
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """Bbar K1 = L Delta R."""
+
+    row_map: Matrix | None
+    scales: list[Expr]
+    allocation: Matrix
+
+
+def _form(
+    scaled: _Scaled,
+    kinematics: Kinematics,
+    dynamics: Dynamics,
+    a: tuple[Symbol, ...],
+    v_r: tuple[Symbol, ...],
+    parameters: Parameters,
+) -> PassivityForm:
+    terms, v = kinematics.terms, kinematics.v
+    force = dynamics.inertia_matrix * Matrix(a) + dynamics.coriolis_matrix * Matrix(v_r)
+    if scaled.row_map is not None:
+        force = scaled.row_map.adjugate() * force / factored(scaled.row_map.det(method="berkowitz"))
+    slopes = [sp.zeros(len(v), 0) for _ in (*a, *v_r)]
+    pi: list[Expr] = []
+    groups: list[Group] = []
+    for rows in _groups(scaled.scales, parameters):
+        scale = scaled.scales[rows[0]]
+        found = linear_map(Matrix([force[i] / scale for i in rows]), (*a, *v_r), parameters, terms, _value(kinematics))
+        slopes = [
+            Matrix.hstack(whole, _in_rows(block, rows, len(v)))
+            for whole, block in zip(slopes, found.slopes, strict=True)
+        ]
+        groups.append(Group(rows, tuple(range(len(pi), len(pi) + len(found.base_parameters))), scale))
+        pi.extend(found.base_parameters)
+    momentum, still = _at(v, slopes[: len(v)]), _at(v, slopes[len(v) :])
+    rate = momentum.applyfunc(lambda entry: terms.rate(entry, kinematics.rates))  # of q only: v is held
+    return PassivityForm(
+        row_map=scaled.row_map,
+        allocation=scaled.allocation,
+        accelerations=a,
+        reference_velocities=v_r,
+        slopes=tuple(slopes),
+        rest_regressor=(still - rate).applyfunc(terms.simplified),
+        parameters=tuple(pi),
+        groups=tuple(groups),
+    )
+
+
+def _at(values: Sequence[Symbol], slopes: Sequence[Matrix]) -> Matrix:
+    """sum_k slopes[k] values[k]."""
+    return sum((s * slope for s, slope in zip(values[1:], slopes[1:], strict=True)), start=values[0] * slopes[0])
+
+
+def _in_rows(block: Matrix, rows: tuple[int, ...], count: int) -> Matrix:
+    """A block of some rows among `count` rows."""
+    whole = sp.zeros(count, block.cols)
+    for k, row in enumerate(rows):
+        whole[row, :] = block[k, :]
+    return whole
+
+
+def _scaled(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> _Scaled | None:
+    """`matrix` = L Delta R with L or R the identity; None if it is neither."""
+    rows = _factored_rows(matrix, kinematics, parameters)
+    if rows is not None:
+        return _Scaled(None, *rows)
+    columns = _factored_rows(matrix.T, kinematics, parameters) if matrix.is_square else None
+    if columns is None:
+        return None
+    scales, transposed = columns
+    return _Scaled(transposed.T, scales, sp.eye(matrix.rows))
+
+
+def _factored_rows(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> tuple[list[Expr], Matrix] | None:
+    """Delta and R with `matrix` = Delta R, Delta positive at the defaults and the same in a group; None if there is none."""
+    value = _value(kinematics)
+    scales, rest = [], sp.zeros(*matrix.shape)
+    for i in range(matrix.rows):
+        entries = [_products(matrix[i, j], kinematics.terms, parameters) for j in range(matrix.cols)]
+        if any(entry is None for entry in entries) or not any(entries):
+            return None
+        first = next(parameter for entry in entries if entry for parameter in entry.values())
+        scale = sp.Mul(*(f for f in sp.Mul.make_args(sp.factor(first)) if f.free_symbols & parameters.uncertain))
+        scale = next((s for s in scales if not _is_uncertain(s / scale, parameters)), scale)  # one for a group
+        scale = -scale if value(scale) < 0 else scale
+        for j, entry in enumerate(entries):
+            ratios = {state: sp.cancel(parameter / scale) for state, parameter in (entry or {}).items()}
+            if any(ratio.free_symbols & parameters.uncertain for ratio in ratios.values()):
+                return None
+            rest[i, j] = shortest(sum((state * ratio for state, ratio in ratios.items()), start=sp.S.Zero))
+        scales.append(scale)
+    return scales, rest
+
+
+def _products(expression: Expr, terms: Terms, parameters: Parameters) -> dict[Expr, Expr] | None:
+    """State function -> parameter function; None where a factor is of both."""
+    try:
+        products = Separation((), parameters, terms).products(expression)
+    except NotSeparable:
+        return None
+    return {state: parameter for (_, state), parameter in products.items() if not terms.is_zero(parameter)}
+
+
+def _is_uncertain(expression: Expr, parameters: Parameters) -> bool:
+    return bool(sp.cancel(expression).free_symbols & parameters.uncertain)
+
+
+def _groups(scales: list[Expr], parameters: Parameters) -> list[tuple[int, ...]]:
+    """Rows with the same factor."""
+    return [tuple(i for i, other in enumerate(scales) if other == scale) for scale in dict.fromkeys(scales)]
+
+
+def _obstacle(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> str:
+    """Why neither rows nor columns have uncertain factors, and what would have to be known."""
+    involved = [p for p in kinematics.robot.parameters if p in parameters.uncertain]
+    involved = [p for p in involved if any(p in kinematics.terms.atoms(entry) for entry in matrix)]
+
+    def cures(p: Symbol) -> bool:
+        return _scaled(matrix, kinematics, Parameters(parameters.known | {p}, parameters.uncertain - {p})) is not None
+
+    remedy = " or ".join(p.name for p in involved if cures(p)) or ", ".join(p.name for p in involved)
+    return f"motors of unequal gain act through uncertain lengths: list {remedy} in `known`"
+
+
+def _names(expression: Expr, parameters: Parameters) -> str:
+    return ", ".join(sorted(s.name for s in expression.free_symbols & parameters.uncertain)) or "a parameter"
+
+
+def _value(kinematics: Kinematics) -> Callable[[Expr], float]:
+    """The value of a function of the parameters at their defaults."""
+    return lambda expression: float(kinematics.terms.expand(expression).xreplace(kinematics.robot.numbers))

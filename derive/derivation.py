@@ -139,7 +139,9 @@ def _derive(robot: Robot, progress: Progress) -> Derivation:
         determinant = decoupling_determinant(kinematics, dynamics, linearization, adaptive)
         progress("internal dynamics")
         control = Control(linearization, determinant, internal_dynamics(kinematics, linearization, attempts))
-    return Derivation(robot, kinematics, mobility, dynamics, parameters, adaptive, v_r, passivity, control, attempts.missed)
+    return Derivation(
+        robot, kinematics, mobility, dynamics, parameters, adaptive, v_r, passivity, control, attempts.missed
+    )
 
 
 def _check_motors(kinematics: Kinematics) -> None:

@@ -38,7 +38,7 @@ class Metadata:
     inverse_base_parameter_formulas: dict[str, str]
     passivity_parameters: dict[str, str]
     passivity_parameter_formulas: dict[str, str]
-    passivity_groups: list[dict[str, Any]]  # pseudo-velocities, or motors, and parameters that share an uncertain factor
+    passivity_groups: list[dict[str, Any]]  # rows and parameters that share an uncertain factor
     passivity_obstacle: str | None  # why there are none
     geometry: dict[str, dict[str, dict[str, str | list[str]]]]
     findings: dict[str, Any]

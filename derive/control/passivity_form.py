@@ -82,7 +82,9 @@ def passivity_form(
     try:
         return _form(scaled, kinematics, dynamics, accelerations, reference_velocities, parameters)
     except NotSeparable as error:
-        return f"{error.factor} mixes state and uncertain parameters, and {_names(error.factor, parameters)} is not known"
+        return (
+            f"{error.factor} mixes state and uncertain parameters, and {_names(error.factor, parameters)} is not known"
+        )
 
 
 @dataclass(frozen=True)

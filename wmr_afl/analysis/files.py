@@ -14,7 +14,6 @@ import numpy as np
 from wmr_afl.analysis.metrics import metrics
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import file_name
-from wmr_afl.model.model import Model
 from wmr_afl.simulation.result import Run
 from wmr_input.whole_files import remove_abandoned, replacing, write_whole
 
@@ -73,8 +72,9 @@ def keep_only(files: Iterable[Path], folder: Path) -> None:
         _write_note(folder, kept)
 
 
-def columns(model: Model) -> list[str]:
+def columns(run: Run) -> list[str]:
     """The header of a run's samples: names with units."""
+    model = run.model
     return [
         "time [s]",
         *_named("", model.state_units),
@@ -82,13 +82,13 @@ def columns(model: Model) -> list[str]:
         *_named("command_", model.input_units),
         *_named("reference_", model.output_units),
         *_named("error_", model.output_units),
-        *_named("estimate_", model.base_parameter_units),
+        *_named("estimate_", run.estimate_units),
     ]
 
 
 def _lines(run: Run) -> Iterator[str]:
     """Header and samples of a run, a few thousand at a time."""
-    yield ",".join(columns(run.model)) + "\n"
+    yield ",".join(columns(run)) + "\n"
     for start in range(0, len(run.time), SAMPLES):
         part = slice(start, start + SAMPLES)
         table = np.hstack([

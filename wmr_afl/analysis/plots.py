@@ -110,7 +110,7 @@ def draw_inputs(axes: Axes, run: Run) -> None:
 
 def draw_estimates(axes: Axes, run: Run, true_values: np.ndarray | None = None) -> None:
     """All estimates of one run over time; the true values, if given, are dotted."""
-    for index, name in enumerate(run.model.base_parameter_units):
+    for index, name in enumerate(run.estimate_units):
         colour = COLOURS[index % len(COLOURS)]
         dashes = STYLES[(index // len(COLOURS)) % len(STYLES)]
         axes.plot(run.time, run.estimate[:, index], label=_pretty(name), color=colour, linestyle=dashes)

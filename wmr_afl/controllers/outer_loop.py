@@ -44,11 +44,16 @@ class TrackingError:
 def tracking_error(x: Array, c: Array, reference: Point, model: Model) -> TrackingError:
     """The error of the outputs at state x; of angles the shorter way round, unless the reference counts turns."""
     e = model.output(x[: model.coordinate_count], c) - reference.position
+    return TrackingError(shorter_way(e, reference, model), model.output_rate(x, c) - reference.velocity)
+
+
+def shorter_way(e: Array, reference: Point, model: Model) -> Array:
+    """e with angles the shorter way round, unless the reference counts turns."""
     angles = [unit == "rad" and not reference.counts_turns for unit in model.output_units.values()]
-    if any(angles):
-        arrays = model.arrays
-        e = arrays.vector([within_half_a_turn(e[i], arrays) if is_angle else e[i] for i, is_angle in enumerate(angles)])
-    return TrackingError(e, model.output_rate(x, c) - reference.velocity)
+    if not any(angles):
+        return e
+    arrays = model.arrays
+    return arrays.vector([within_half_a_turn(e[i], arrays) if is_angle else e[i] for i, is_angle in enumerate(angles)])
 
 
 def within_half_a_turn(angle: Array, arrays: Arrays) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,12 +12,18 @@ import numpy as np
 
 from wmr_afl.controllers import reference
 from wmr_afl.controllers.adaptation import GradientAdaptation
+from wmr_afl.controllers.direct_adaptation import DirectAdaptation
+from wmr_afl.controllers.groups import groups_of
+from wmr_afl.controllers.law import Knowledge, Law
+from wmr_afl.controllers.least_squares import LeastSquares
 from wmr_afl.controllers.linearizing_law import LinearizingLaw
 from wmr_afl.controllers.outer_loop import OuterLoop
+from wmr_afl.controllers.passivity_law import Effort, PassivityLaw
 from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Reference, ReferenceTable
 from wmr_afl.controllers.robust_term import RobustTerm
-from wmr_afl.controllers.tracking_law import ControllerTable, Knowledge, TrackingLaw
+from wmr_afl.controllers.tables import LINEARIZING, PASSIVE, ControllerTable
+from wmr_afl.controllers.tracking_law import TrackingLaw
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import Experiment
 from wmr_afl.model.files import model_folder
@@ -106,34 +113,77 @@ class _Assembly:
                 )
             return Reference(dict(zip(outputs, expressions, strict=True)), table.counts_turns)
 
-    def _law(self, name: str, table: ControllerTable) -> TrackingLaw:
-        model = self.model
-
+    def _law(self, name: str, table: ControllerTable) -> Law:
         def place(key: str) -> str:
             return self.experiment.place(name, key)
 
-        with self.at(place("outer_loop")):
-            if table.outer_loop is None:
-                raise WmrError("is missing", "add outer_loop = { b1 = ..., b2 = ... } here or under [shared]")
-            outer_loop = OuterLoop(len(model.output_units), **table.outer_loop.model_dump())
+        foreign = PASSIVE if table.law == "linearizing" else LINEARIZING
+        for key in foreign:
+            if key in self.experiment.controllers[name].model_fields_set:
+                with self.at(place(key)):
+                    raise WmrError(f"means nothing to the {table.law} law", f"remove {key}, or choose another law")
         with self.at(place("guess")):
             if table.guess and table.estimate != "exact":
                 raise WmrError("stands beside an estimate", "give one of them")
             for parameter in table.guess:
-                if parameter in model.known_units:
+                if parameter in self.model.known_units:
                     raise WmrError(f"the controller knows {parameter}", "guess uncertain parameters")
+        build = self._linearizing if table.law == "linearizing" else self._passivity
+        return build(name, table, place)
+
+    def _knowledge(self, name: str, table: ControllerTable, place: Callable[[str], str]) -> tuple[Knowledge, Numbers]:
+        """What the controller knows, and the numbers that follow from that."""
+        model = self.model
+        with self.at(f"[controllers.{name}]"):
+            if table.law != "linearizing" and not model.has("passivity_regressor"):
+                obstacle = model.metadata["passivity_obstacle"]
+                raise WmrError(
+                    f"model {model.name} admits no {table.law} law: {obstacle}", "or use the linearizing law"
+                )
         with self.at(place("guess" if table.guess else "estimate")), np.errstate(all="ignore"):
-            numbers = Numbers(rules_of(self.experiment, name, model), {"p": self.parameters})
-            theta_hat = numbers["theta_hat"]
-            if not np.all(np.isfinite(theta_hat)):
+            given = {"p": self.parameters, "x": by_name("state", self.experiment.start, list(model.state_units), 0.0)}
+            numbers = Numbers(rules_of(self.experiment, name, model), given)
+            if not np.all(np.isfinite(numbers["theta_hat"])):
                 raise WmrError("gives base parameters that are not finite", "guess values that a robot can have")
+            return Knowledge(model, numbers["c"], numbers["theta_hat"], table.estimated), numbers
+
+    def _passivity(self, name: str, table: ControllerTable, place: Callable[[str], str]) -> PassivityLaw:
+        knowledge, numbers = self._knowledge(name, table, place)
+        model, learning, groups = self.model, table.learning, groups_of(self.model)
+        limits = self.experiment.uncertainties.input_limits
+        limit = table.limit or (None if limits is None else float(np.min(limits.volts)))
+        with self.at(place("input_weights")):
+            effort = Effort(len(model.input_units), table.input_weights, limit)
+        with self.at(place("guess" if table.guess else "estimate")):
+            direct = least_squares = projection = None
+            if table.law != "frozen":
+                gain = learning.gain or (5.0 if table.law == "composite" else 20.0)
+                direct = DirectAdaptation(groups, gain, numbers["direct.inertia"], numbers["direct.spread"])
+                projection = Projection(
+                    len(knowledge.theta_hat), numbers["projection.lower"], numbers["projection.upper"]
+                )
+            if table.law == "composite":
+                prior = numbers["least_squares.prior"], numbers["least_squares.spread"]
+                numbers_given = (learning.noise, learning.filter, learning.memory)
+                least_squares = LeastSquares(groups, len(model.input_units), *prior, *numbers_given)
+        rates = table.rates(self.experiment.simulation.sample_time)
+        with self.at(f"[controllers.{name}]"):
+            return PassivityLaw(knowledge, *rates, effort, direct, least_squares, projection)
+
+    def _linearizing(self, name: str, table: ControllerTable, place: Callable[[str], str]) -> TrackingLaw:
+        model = self.model
+        with self.at(place("outer_loop")):
+            if table.outer_loop is None:
+                raise WmrError("is missing", "add outer_loop = { b1 = ..., b2 = ... } here or under [shared]")
+            outer_loop = OuterLoop(len(model.output_units), **table.outer_loop.model_dump())
+        knowledge, numbers = self._knowledge(name, table, place)
         adaptation = self._adaptation(name, table, numbers)
         with self.at(place("input_weights")):
             linearizing = LinearizingLaw(len(model.input_units), table.input_weights)
         with self.at(place("robust")):
             robust = None if table.robust is None else RobustTerm(**table.robust.model_dump())
         with self.at(f"[controllers.{name}]"):
-            return TrackingLaw(Knowledge(model, numbers["c"], theta_hat), outer_loop, linearizing, adaptation, robust)
+            return TrackingLaw(knowledge, outer_loop, linearizing, adaptation, robust)
 
     def _adaptation(self, name: str, table: ControllerTable, numbers: Numbers) -> GradientAdaptation | None:
         thetas = list(self.model.base_parameter_units)

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from wmr_afl.controllers.reference import ReferenceTable
-from wmr_afl.controllers.tracking_law import ControllerTable
+from wmr_afl.controllers.tables import ControllerTable
 from wmr_afl.errors import InputError, UnknownNameError
 from wmr_afl.experiments.distributions import CampaignTable
 from wmr_afl.model.files import is_path

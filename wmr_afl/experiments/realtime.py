@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wmr_afl.controllers.law import Law
 from wmr_afl.controllers.reference import Reference
-from wmr_afl.controllers.tracking_law import TrackingLaw
 from wmr_afl.errors import CompilerError, ShapeError, SimulationError, WmrError
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.model import Model
@@ -55,7 +55,7 @@ class Controller(Fixed):
     def __init__(
         self,
         model: Model,
-        law: TrackingLaw,
+        law: Law,
         reference: Reference,
         sample_time: float,
         drive: Sequence[Uncertainty] = (),
@@ -190,7 +190,7 @@ class Controller(Fixed):
         k = by_part({name: ca.DM(value) for name, value in disjoint(self.law.values, self.drive.values).items()})
         flat, t, given = ca.SX.sym("z", self._layout.size), ca.SX.sym("t"), ca.SX.sym("given", self._size + 1)
         z, x, step = self._layout.unpack_symbols(flat), given[:-1], given[-1]
-        action = self.law.act(x, self.reference.at(t), z, k, model)
+        action = self.law.act(x, self.reference.at(t), z, k, model, step)
         returned = applied = action.input
         following: dict[str, Any] = {}
         for key, part, state, own in self.drive.with_states(z, k):

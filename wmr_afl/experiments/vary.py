@@ -28,7 +28,9 @@ class Differences:
     parameters: Mapping[str, ArrayLike] = field(default_factory=dict)  # physical ones, (N,)
     start: Mapping[str, ArrayLike] = field(default_factory=dict)  # states, (N,)
     gains: Mapping[str, ArrayLike] = field(default_factory=dict)  # numbers of parts, (N, ...)
-    scale: Mapping[str, ArrayLike] = field(default_factory=dict)  # factors on parameters or gains, (N,)
+    scale: Mapping[str, ArrayLike] = field(
+        default_factory=dict
+    )  # factors on parameters, gains or first estimates, (N,)
     seeds: ArrayLike | None = None  # of the measurement noise, (N,)
 
     @property
@@ -72,7 +74,7 @@ def vary_where_possible(
 ) -> tuple[Ensemble, dict[int, tuple[str, str]]]:
     """As `vary`, but robots that cannot have their numbers get those of the loop; with problem and remedy for each."""
     model, count = loop.model, differences.count
-    factors: dict[str, dict[str, Floats]] = {"parameters": {}, "gains": {}}
+    factors: dict[str, dict[str, Floats]] = {"parameters": {}, "gains": {}, "estimates": {}}
     for name, factor in differences.scale.items():
         place, whole = _place(name, loop)
         factors[place][whole] = _column(f"scale of {name}", factor, count)
@@ -80,6 +82,11 @@ def vary_where_possible(
     p[:] = model.replaced(loop.values["p"], differences.parameters)
     for name, factor in factors["parameters"].items():
         p[:, list(model.parameter_units).index(name)] *= factor
+    names = list(loop.law.knowledge.units)
+    if factors["estimates"]:
+        factors["gains"]["theta_hat"] = np.ones((count, len(names)))
+        for name, factor in factors["estimates"].items():
+            factors["gains"]["theta_hat"][:, names.index(name)] = factor
     given = {"p": p, "x": _starts(loop, differences.start, count)}
     for name, column in differences.gains.items():
         whole = gain_name(name, loop)
@@ -142,11 +149,15 @@ def gain_name(name: str, loop: ClosedLoop) -> str:
 
 
 def _place(name: str, loop: ClosedLoop) -> tuple[str, str]:
-    """Whether a name is one of `parameters` or of `gains`, and its whole name there."""
+    """Whether a name is one of `parameters`, of `gains` or of `estimates`, and its whole name there."""
     head, _, rest = name.partition(".")
     if head == "gains":
         return "gains", gain_name(name, loop)
-    parameters = loop.model.parameter_units
+    parameters, estimates = loop.model.parameter_units, loop.law.knowledge.units
+    if head == "estimates":
+        if rest not in estimates:
+            raise UnknownNameError(f"estimate of {loop.model.name}", rest, estimates)
+        return "estimates", rest
     if head == "parameters":
         if rest not in parameters:
             raise UnknownNameError(f"parameter of {loop.model.name}", rest, parameters)

@@ -105,6 +105,16 @@ class Model:
         """n-m."""
         return len(self.state_units) - self.coordinate_count
 
+    def units_of(self, parameters: str) -> dict[str, str]:
+        """The units of what `base_parameters` or `passivity_parameters` gives, by name.
+
+        Raises:
+            MissingTermError: if the model has no such parameters.
+        """
+        if not self.has(parameters):
+            getattr(self, parameters)
+        return dict(self.metadata[parameters])
+
     def functions(self) -> dict[str, Any]:
         """The generated functions by name: plain ones, or each a `casadi.Function`."""
         return dict(self._functions)

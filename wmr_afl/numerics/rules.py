@@ -20,7 +20,7 @@ class Numbers:
     """Numbers of a closed loop by name, (...) or with robots in front, (N, ...).
 
     A number is what is `given`, else what its rule makes of others, else what stands in `otherwise`; times its `scale`
-    (N,).
+    (N,), or (N, ...) entry by entry.
     """
 
     def __init__(
@@ -38,7 +38,9 @@ class Numbers:
             value = self._unscaled(name)
             if name in self._scale:
                 factors = self._scale[name]
-                value = value * factors.reshape(len(factors), *(1 for _ in np.shape(self._otherwise[name])))
+                if factors.ndim == 1:  # one for each robot, else one for each of its entries
+                    factors = factors.reshape(len(factors), *(1 for _ in np.shape(self._otherwise[name])))
+                value = value * factors
             self._found[name] = value
         return self._found[name]
 

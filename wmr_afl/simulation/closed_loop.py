@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 
+from wmr_afl.controllers.law import Law
 from wmr_afl.controllers.outer_loop import tracking_error
 from wmr_afl.controllers.reference import Reference
-from wmr_afl.controllers.tracking_law import TrackingLaw
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.parts import disjoint
@@ -25,7 +25,7 @@ class ClosedLoop:
 
     model: Model
     plant: Plant
-    law: TrackingLaw
+    law: Law
     reference: Reference
     sample_time: float
 
@@ -57,7 +57,7 @@ class ClosedLoop:
             "u": inputs,
             "command": inputs,
             "e": outputs,
-            "theta_hat": len(self.model.base_parameter_units),
+            "theta_hat": len(self.law.knowledge.units),
             "reference": outputs,
             "regularity": 1,
         }
@@ -96,7 +96,7 @@ class ClosedLoop:
         """
         reference = self.reference.at(t)
         seen = self.plant.measured(z.x, sample, k, model.arrays)
-        action = self.law.act(seen, reference, z, k, model)
+        action = self.law.act(seen, reference, z, k, model, self.sample_time)
         applied = self.plant.applied(action.input, z, k, model.arrays)
         signals = {
             "x": z.x,

@@ -20,7 +20,7 @@ def cause(loop: ClosedLoop, t: float, signals: Mapping[str, Floats], numbers: Ma
 
     `signals` are those of this sample, `numbers` those of the robot, by name.
     """
-    adapts = loop.law.adaptation is not None
+    adapts = loop.law.adapts
     if not np.isfinite(signals["x"]).all():
         return f"the state is not finite: the loop diverged; {_remedy(loop, numbers)}"
     if not np.isfinite(signals["theta_hat"]).all():
@@ -37,7 +37,7 @@ def cause(loop: ClosedLoop, t: float, signals: Mapping[str, Floats], numbers: Ma
 
 def _remedy(loop: ClosedLoop, numbers: Mapping[str, Floats]) -> str:
     """What helps against divergence."""
-    b1, b2 = numbers["outer_loop.b1"], numbers["outer_loop.b2"]
+    b1, b2 = _gains(numbers)
     growth = outer_loop_growth(b1, b2, loop.sample_time, loop.plant.integrator is euler)
     if np.any(growth >= 1.0):
         worst = int(np.argmax(growth))
@@ -45,9 +45,16 @@ def _remedy(loop: ClosedLoop, numbers: Mapping[str, Floats]) -> str:
             f"a sample time of {loop.sample_time:g} s is too long for b1 = {b1[worst]:g}, b2 = {b2[worst]:g}; "
             "sample faster or lower them"
         )
-    if loop.law.adaptation is not None:
+    if loop.law.adapts:
         return f"{BOUND}, lower the gains or sample faster"
     return "correct the estimates, lower the gains or sample faster"
+
+
+def _gains(numbers: Mapping[str, Floats]) -> tuple[Floats, Floats]:
+    """b1, b2 of (27), or of the law whose errors fade at one rate."""
+    if "error.rate" in numbers:
+        return 2.0 * numbers["error.rate"], numbers["error.rate"] ** 2
+    return numbers["outer_loop.b1"], numbers["outer_loop.b2"]
 
 
 def outer_loop_growth(b1: Floats, b2: Floats, step: float, by_euler: bool) -> Floats:

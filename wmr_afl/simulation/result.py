@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,7 @@ class Run:
     reference: Floats  # (T, n-m)
     parameters: Floats  # p (n_p,) of the robot at the start
     known: Floats  # c (n_c,), which the controller knew
+    estimate_units: Mapping[str, str]  # name -> unit of each estimate
     failure: Failure | None = None
     warnings: tuple[str, ...] = ()  # what makes the run doubtful, with remedies
 

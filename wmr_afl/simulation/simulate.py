@@ -81,6 +81,7 @@ def simulate(
         reference=logged["reference"],
         parameters=numbers["p"].copy(),
         known=numbers["c"].copy(),
+        estimate_units=loop.law.knowledge.units,
         failure=failure,
         warnings=warning_signs(loop, logged, numbers),
     )

@@ -86,7 +86,7 @@ def _names(loop: ClosedLoop) -> dict[str, list[str]]:
         "command": model.input_units,
         "error": model.output_units,
         "reference": model.output_units,
-        "estimate": model.base_parameter_units,
+        "estimate": loop.law.knowledge.units,
     }
     return {dataset: [f"{name} [{unit}]" for name, unit in table.items()] for dataset, table in units.items()}
 

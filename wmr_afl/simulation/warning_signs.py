@@ -20,7 +20,7 @@ def warning_signs(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapp
     """One line for each sign, with a remedy; `signals` (T, ...) and `numbers` of the robot, by name."""
     if not len(signals["x"]):
         return ()
-    estimates = _estimates(loop, signals, numbers) if loop.law.adaptation else ()
+    estimates = _estimates(loop, signals, numbers) if loop.law.adapts else ()
     return (*_inputs(loop, signals, numbers), *_joints(loop, signals, numbers), *estimates)
 
 
@@ -45,9 +45,8 @@ def _joints(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[st
 
 
 def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:
-    names, estimate = list(loop.model.base_parameter_units), signals["theta_hat"]
-    model = loop.model.in_library("numpy")
-    truth = np.asarray(model.base_parameters(numbers["p"]))
+    names, estimate = list(loop.law.knowledge.units), signals["theta_hat"]
+    truth = loop.law.knowledge.truth(numbers["p"])
     low = numbers.get("projection.lower", np.full(len(names), -np.inf))
     high = numbers.get("projection.upper", np.full(len(names), np.inf))
     for name, true, lower, upper in zip(names, truth, low, high, strict=True):
@@ -63,7 +62,8 @@ def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping
         share = float(np.mean((late[:, index] <= low[index]) | (late[:, index] >= high[index])))
         if share > STUCK:
             yield f"the estimate of {name} lies at its bound in {share:.0%} of the last samples; widen its bounds"
-    yield from _step_size(loop, signals, numbers)
+    if "adaptation.Gamma" in numbers:
+        yield from _step_size(loop, signals, numbers)
 
 
 def _step_size(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:

@@ -1,0 +1,129 @@
+"""The table of a controller in an experiment: which law, what it takes for true, and its numbers."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from wmr_afl.controllers.adaptation import AdaptationTable
+from wmr_afl.controllers.groups import RowsOfGroups, groups_of
+from wmr_afl.controllers.outer_loop import OuterLoopTable
+from wmr_afl.controllers.projection import ProjectionTable
+from wmr_afl.controllers.robust_term import RobustTable
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.rules import Rule, Rules
+from wmr_afl.numerics.vectors import by_name
+from wmr_input.errors import FieldError
+from wmr_input.fields import Estimate, Number, Numbers, Positive, Table
+
+LINEARIZING = ("outer_loop", "adaptation", "projection", "robust")  # keys of the linearizing law only
+PASSIVE = ("rate", "reference_rate", "learning", "limit")  # keys of the others only
+FASTEST = 15.0  # [1/s] of the loop, unless a rate is given: what is measured and modelled is seldom good beyond
+SHARE = 0.3  # of 1/(sample time)
+SLOWER = 10.0  # times is the reference model slower than the loop
+
+
+class LearningTable(Table):
+    """How the composite and the direct law learn; every number has a default that needs no tuning."""
+
+    gain: Positive | None = None  # kappa of the direct adaptation [1/s]: 5 beside least squares, else 20
+    noise: Positive = 0.5  # r [V s^1/2]: what the equation of motion leaves unexplained
+    filter: Positive = 0.1  # tau [s]
+    memory: Positive = 200.0  # T [s]
+    box: Positive = 4.0  # estimates stay within the guess divided and multiplied by this
+
+    @model_validator(mode="after")
+    def _box_holds_the_guess(self) -> LearningTable:
+        if self.box <= 1.0:
+            raise FieldError(f"a box of {self.box:g} leaves nothing", "choose box above 1")
+        return self
+
+
+class ControllerTable(Table):
+    """A law and what it needs.
+
+    "linearizing" is the paper's, adaptive if `adaptation` is given, robust if `robust` is. "composite", "direct" and
+    "frozen" need a guess only; these estimate `passivity_parameters` by least squares and directly, directly, or not.
+    """
+
+    law: Literal["linearizing", "composite", "direct", "frozen"] = "linearizing"
+    outer_loop: OuterLoopTable | None = None
+    estimate: Estimate = "exact"
+    guess: dict[str, Number] = Field(default_factory=dict)  # physical parameters that the controller takes for true
+    adaptation: AdaptationTable | None = None
+    projection: ProjectionTable | None = None
+    robust: RobustTable | None = None
+    input_weights: Numbers = 1.0
+    rate: Positive | None = None  # of the loop [1/s]
+    reference_rate: Positive | None = None  # of the reference model [1/s]
+    learning: LearningTable = LearningTable()
+    limit: Positive | None = None  # of the inputs [V]; that of the drive unless given
+
+    @property
+    def estimated(self) -> str:
+        """The generated function whose values are estimated."""
+        return "base_parameters" if self.law == "linearizing" else "passivity_parameters"
+
+    def rates(self, sample_time: float) -> tuple[float, float]:
+        """Of loop and reference model [1/s]."""
+        rate = self.rate or min(SHARE / sample_time, FASTEST)
+        return rate, self.reference_rate or rate / SLOWER
+
+    def rules(self, model: Model) -> Rules:
+        """What follows from other numbers of the loop: c and theta_hat(0) from p, gains and bounds from these."""
+        rules: dict[str, Rule] = {"c": lambda n: model.known(n["p"])}
+        truth, names = getattr(model, self.estimated), list(model.units_of(self.estimated))
+        if self.guess or self.estimate == "exact":
+            rules["theta_hat"] = lambda n: truth(model.replaced(n["p"], self.guess))
+        else:
+            estimate = by_name("base parameter", self.estimate, names)
+            rules["theta_hat"] = lambda n: estimate
+        if self.law != "linearizing":
+            return rules | self._of_the_guess(model)
+        for table in (self.outer_loop, self.adaptation, self.projection):
+            rules |= table.rules() if table is not None else {}
+        return rules
+
+    def _of_the_guess(self, model: Model) -> Rules:
+        """Prior, spread, box and inertia."""
+        groups, box = groups_of(model), self.learning.box
+        packed = RowsOfGroups(groups).packed_diagonals
+        spread: Rule = lambda n: spread_of(n["theta_hat"])  # noqa: E731
+        return {
+            "least_squares.prior": lambda n: n["theta_hat"],
+            "least_squares.spread": spread,
+            "least_squares.covariance": lambda n: packed(n["least_squares.spread"] ** 2),
+            "direct.spread": spread,
+            "direct.inertia": lambda n: guessed_inertia(model, n["x"], n["theta_hat"], n["c"]),
+            "projection.lower": lambda n: box_around(n["theta_hat"], box)[0],
+            "projection.upper": lambda n: box_around(n["theta_hat"], box)[1],
+        }
+
+
+def spread_of(guess: Floats) -> Floats:
+    """How far each number of a guess (..., n_pi) may be off: as far as it is large; a zero as far as the others are."""
+    sizes = np.abs(guess)
+    usual = np.exp(np.log(np.where(sizes > 0.0, sizes, 1.0)).mean(axis=-1, keepdims=True))
+    return np.where(sizes > 0.0, sizes, usual)
+
+
+def box_around(guess: Floats, box: float) -> tuple[Floats, Floats]:
+    """From guess/box to guess times box, whatever its sign; a guess of zero may become anything as large as the others."""
+    size = box * spread_of(guess)
+    ends = np.stack([guess / box, guess * box])
+    return np.where(guess == 0.0, -size, ends.min(axis=0)), np.where(guess == 0.0, size, ends.max(axis=0))
+
+
+def guessed_inertia(model: Model, x: Floats, pi_hat: Floats, c: Floats) -> Floats:
+    """N0: the least diagonal entry of Delta^-1 Mbar in each group, of the guess, (..., groups)."""
+    n, count = model.coordinate_count, model.pseudo_velocity_count
+    diagonal = []
+    for j in range(count):
+        unit = np.broadcast_to(np.eye(count)[j], (*x.shape[:-1], count))
+        momentum = model.momentum_regressor(np.concatenate([x[..., :n], unit], axis=-1), c)
+        diagonal.append(np.sum(momentum[..., j, :] * pi_hat, axis=-1))
+    rows = np.stack(diagonal, axis=-1)
+    return np.stack([rows[..., list(group.rows)].min(axis=-1) for group in groups_of(model)], axis=-1)

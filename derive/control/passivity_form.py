@@ -5,9 +5,9 @@
     R u = Y(x, v, v', c) pi + Delta^-1 L^-1 w                           the robot's own motion
         = d/dt (N(x, c) pi) + H(x, c) pi + Delta^-1 L^-1 w              the same without v': N = Y(x, 0, v)
 
-Rows whose factors differ by known constants only are a group; groups share no base parameters, so that each may have its
-own unknown factor. L is the identity where every row of Bbar K1 is an uncertain factor times a known row, and R where
-every column is: motors of unequal gain.
+Rows whose factors differ by known constants only are a group; groups share no base parameters, so that each may have
+its own unknown factor. L is the identity where every row of Bbar K1 is an uncertain factor times a known row, and R
+where every column is: motors of unequal gain.
 """
 
 from __future__ import annotations
@@ -82,9 +82,8 @@ def passivity_form(
     try:
         return _form(scaled, kinematics, dynamics, accelerations, reference_velocities, parameters)
     except NotSeparable as error:
-        return (
-            f"{error.factor} mixes state and uncertain parameters, and {_names(error.factor, parameters)} is not known"
-        )
+        unknown = _names(error.factor, parameters)
+        return f"{error.factor} mixes the state with parameters that are not known: list {unknown} in `known`"
 
 
 @dataclass(frozen=True)
@@ -160,9 +159,9 @@ def _scaled(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> _
 
 
 def _factored_rows(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> tuple[list[Expr], Matrix] | None:
-    """Delta and R with `matrix` = Delta R, Delta positive at the defaults and the same in a group; None if there is none."""
-    value = _value(kinematics)
-    scales, rest = [], sp.zeros(*matrix.shape)
+    """Delta and R with `matrix` = Delta R, Delta positive at the defaults; None if there is none."""
+    value, rest = _value(kinematics), sp.zeros(*matrix.shape)
+    scales: list[Expr] = []
     for i in range(matrix.rows):
         entries = [_products(matrix[i, j], kinematics.terms, parameters) for j in range(matrix.cols)]
         if any(entry is None for entry in entries) or not any(entries):

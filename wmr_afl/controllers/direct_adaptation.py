@@ -23,7 +23,8 @@ class DirectAdaptation(Part):
 
     `inertia` N0: of the guess, the least entry on the diagonal of Delta^-1 Mbar in the group, at the start. In this
     order the energy falls at a sample if dt gamma N^-1 Y P Y^T < 2 lambda - lambda^2 dt; the rule keeps the left side
-    at most at kappa lambda dt N0/N. Nothing is learned from samples at which a motor was at its limit. `gain` kappa [1/s].
+    at most at kappa lambda dt N0/N. Nothing is learned from samples at which a motor was at its limit. `gain` is kappa
+    [1/s].
 
     Raises:
         WmrError: if the gain is negative or an inertia is not positive.

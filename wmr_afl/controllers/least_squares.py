@@ -43,7 +43,7 @@ class LeastSquares(Part):
         inputs: int,
         prior: ArrayLike,
         spread: ArrayLike,
-        noise: float = 0.5,
+        noise: float = 0.05,
         filter: float = 0.1,
         memory: float = 200.0,
     ) -> None:
@@ -74,10 +74,7 @@ class LeastSquares(Part):
     def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
         for name in self.numbers:
             value = getattr(k, name)
-            yield (
-                ~np.all(np.isfinite(value) & (value > 0), axis=-1),
-                lambda k, name=name: (f"{name} of the least squares is {getattr(k, name)[0]:g}", "choose it positive"),
-            )
+            yield ~np.all(np.isfinite(value) & (value > 0), axis=-1), _not_positive(name)
         yield (
             ~np.all(np.isfinite(k.spread) & (k.spread > 0), axis=-1),
             lambda k: (f"the guess has the spread {k.spread}", "guess numbers that are not zero"),
@@ -125,6 +122,10 @@ class LeastSquares(Part):
     def applied(self, u: Array, allocation: Array) -> dict[str, Array]:
         """The states that depend on what reached the motors, u (n_u,)."""
         return {"input_before": u, "effort_before": 0.5 * (allocation @ u)}
+
+
+def _not_positive(name: str) -> Callable[[SimpleNamespace], tuple[str, str]]:
+    return lambda k: (f"{name} of the least squares is {getattr(k, name)[0]:g}", "choose a positive number")
 
 
 def _faded(pi: list[Array], P: Rows, pi_0: list[Array], P0: list[Array], share: Array) -> tuple[list[Array], Rows]:

@@ -90,7 +90,8 @@ class PassivityLaw(Law):
         v_r = E^-1 (yd' - lambda e)        s = v - v_r        a = E^-1 (yd'' - lambda e' - E' v_r) - lambda s
 
     yd is the reference behind a reference model. pi_hat moves by `direct` adaptation, by `least_squares`, by both
-    (composite) or not at all, and stays within the box of `projection`. E and R are known: nothing estimated is inverted.
+    (composite) or not at all, and stays within the box of `projection`. E and R are known: nothing that is estimated is
+    inverted.
 
     Raises:
         MissingTermError: if the robot's motors do not act by uncertain factors on known motions.
@@ -147,7 +148,7 @@ class PassivityLaw(Law):
         self, x: Array, s: Array, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> tuple[Array, dict[str, Array]]:
         """pi_hat from the sample that has just ended, and the states of the least squares."""
-        pi_hat, following = z.theta_hat, {}
+        pi_hat, following = z.theta_hat, dict[str, Array]()
         on_rows = model.row_map(x[: model.coordinate_count], k.c).T @ s if model.has("row_map") else s
         if self.direct is not None:
             blocks = None

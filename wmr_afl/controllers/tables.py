@@ -30,7 +30,7 @@ class LearningTable(Table):
     """How the composite and the direct law learn; every number has a default that needs no tuning."""
 
     gain: Positive | None = None  # kappa of the direct adaptation [1/s]: 5 beside least squares, else 20
-    noise: Positive = 0.5  # r [V s^1/2]: what the equation of motion leaves unexplained
+    noise: Positive = 0.05  # r [V s^1/2]: what the equation of motion leaves unexplained
     filter: Positive = 0.1  # tau [s]
     memory: Positive = 200.0  # T [s]
     box: Positive = 4.0  # estimates stay within the guess divided and multiplied by this
@@ -82,7 +82,7 @@ class ControllerTable(Table):
             estimate = by_name("base parameter", self.estimate, names)
             rules["theta_hat"] = lambda n: estimate
         if self.law != "linearizing":
-            return rules | self._of_the_guess(model)
+            return {**rules, **self._of_the_guess(model)}
         for table in (self.outer_loop, self.adaptation, self.projection):
             rules |= table.rules() if table is not None else {}
         return rules
@@ -111,7 +111,7 @@ def spread_of(guess: Floats) -> Floats:
 
 
 def box_around(guess: Floats, box: float) -> tuple[Floats, Floats]:
-    """From guess/box to guess times box, whatever its sign; a guess of zero may become anything as large as the others."""
+    """From guess/box to guess times box, whatever its sign; a guess of zero may become as large as the others."""
     size = box * spread_of(guess)
     ends = np.stack([guess / box, guess * box])
     return np.where(guess == 0.0, -size, ends.min(axis=0)), np.where(guess == 0.0, size, ends.max(axis=0))

@@ -28,9 +28,7 @@ class Differences:
     parameters: Mapping[str, ArrayLike] = field(default_factory=dict)  # physical ones, (N,)
     start: Mapping[str, ArrayLike] = field(default_factory=dict)  # states, (N,)
     gains: Mapping[str, ArrayLike] = field(default_factory=dict)  # numbers of parts, (N, ...)
-    scale: Mapping[str, ArrayLike] = field(
-        default_factory=dict
-    )  # factors on parameters, gains or first estimates, (N,)
+    scale: Mapping[str, ArrayLike] = field(default_factory=dict)  # factors on parameters, gains, estimates, (N,)
     seeds: ArrayLike | None = None  # of the measurement noise, (N,)
 
     @property

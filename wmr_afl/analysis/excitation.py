@@ -56,7 +56,7 @@ def excitation(run: Run, scale: Floats, window: float = 20.0, since: float = 0.0
     integrals = total[starts + length] - total[starts]
     values = np.linalg.eigvalsh(integrals)
     return Excitation(
-        window, time[starts], values[:, 0], values[:, -1], _determined(total[-1]), tuple(run.estimate_units)
+        window, time[starts], values[:, 0], values[:, -1], _determined(total[-1]), tuple(run.model.base_parameter_units)
     )
 
 

@@ -76,6 +76,7 @@ def describe(model: Model) -> Iterator[RenderableType]:
     add("parametrization", FORMS[model.parametrization])
     if found["parametrization_obstacle"]:
         add("no forward form", escape(_obstacle(model)), "parametrization_obstacle")
+    add("adaptation", escape(_adaptation(model)))
     add("known constants", _with_units(model.known_units) or "none")
     if model.has("decoupling_matrix"):
         for name, text, finding in _control(found):
@@ -128,6 +129,18 @@ def describe_loop(loop: ClosedLoop, controller: str) -> Iterator[RenderableType]
 def loop_text(loop: ClosedLoop) -> str:
     """The C text of the loop as batches run it."""
     return kernel_text(trace(loop), watched_signals(loop), LANES, False)[0]
+
+
+def _adaptation(model: Model) -> str:
+    """What can be adapted, and how."""
+    if not model.has("passivity_regressor"):
+        return _short(f"none of the composite law: {model.metadata['passivity_obstacle']}")
+    if not model.output_units:
+        return f"none without outputs; R u = Y pi is linear in {len(model.units_of('passivity_parameters'))} parameters"
+    groups = model.metadata["passivity_groups"]
+    sizes = " + ".join(str(len(group["parameters"])) for group in groups)
+    linear = ", the paper's in theta" if model.has("regressor") else ""
+    return f"composite and direct laws in {sizes} parameters pi, apart by motor factors{linear}"
 
 
 def _control(found: dict[str, Any]) -> Iterator[tuple[str, str, str]]:

@@ -32,6 +32,7 @@ class AdaptationTable(Table):
     gain: Gain | None = None
     relative_gain: Positive | None = None
     input: Literal["commanded", "applied"] = "commanded"  # at which W is taken
+    order: Literal["early", "late"] = "early"  # W and E1 of one sample, or W of the last one with E1 of this one
     normalization: Annotated[Positive | None, Normalization] = None
     leakage: Annotated[Named | None, Leakage] = None
 
@@ -61,7 +62,8 @@ class GradientAdaptation(Part):
     """theta_hat' = Gamma W^T E1 (25), Gamma (n_theta, n_theta) or its diagonal, positive definite.
 
     `modifications` change the direction W^T E1 in their order, `projection` bounds the estimates. `sees_applied`: W is
-    taken at the input that reaches the motors instead of the one that was commanded, if the two differ.
+    taken at the input that reaches the motors instead of the one that was commanded, if the two differ. `is_late`: W of
+    the last sample meets E1 of this one, which allows twice the gain at a given sample time.
 
     Raises:
         ShapeError: if Gamma has the wrong shape.
@@ -77,8 +79,9 @@ class GradientAdaptation(Part):
         modifications: Sequence[Modification] = (),
         projection: Projection | None = None,
         sees_applied: bool = False,
+        is_late: bool = False,
     ) -> None:
-        self.modifications, self.sees_applied = Parts(modifications), sees_applied
+        self.modifications, self.sees_applied, self.is_late = Parts(modifications), sees_applied, is_late
         self.projection = projection or Projection(count)
         try:
             self.gain = np.asarray(gain, dtype=float)

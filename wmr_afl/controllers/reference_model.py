@@ -17,7 +17,8 @@ from wmr_afl.numerics.parts import Fault, Part
 class ReferenceModel(Part):
     """yd = yr + d with d'' + 2 r d' + r^2 d = 0, where d starts as y - yr.
 
-    A start far off then throws neither motors nor estimates. d is advanced exactly, so that yd is yr once it has arrived, whatever the sample time; `rate` r > 0 [1/s].
+    A start far off then throws neither motors nor estimates. d is advanced exactly, so that
+    yd is yr once it has arrived, whatever the sample time; `rate` r > 0 [1/s].
 
     Raises:
         WmrError: if the rate is not positive.

@@ -20,7 +20,7 @@ from wmr_input.errors import FieldError
 from wmr_input.fields import Estimate, Number, Numbers, Positive, Table
 
 LINEARIZING = ("outer_loop", "adaptation", "projection", "robust")  # keys of the linearizing law only
-PASSIVE = ("rate", "reference_rate", "learning", "limit")  # keys of the others only
+PASSIVE = ("rate", "learning", "limit")  # keys of the others only
 FASTEST = 15.0  # [1/s] of the loop, unless a rate is given: what is measured and modelled is seldom good beyond
 SHARE = 0.3  # of 1/(sample time)
 SLOWER = 10.0  # times is the reference model slower than the loop
@@ -58,7 +58,7 @@ class ControllerTable(Table):
     robust: RobustTable | None = None
     input_weights: Numbers = 1.0
     rate: Positive | None = None  # of the loop [1/s]
-    reference_rate: Positive | None = None  # of the reference model [1/s]
+    reference_rate: Positive | None = None  # of the reference model [1/s]; the linearizing law has one only if given
     learning: LearningTable = LearningTable()
     limit: Positive | None = None  # of the inputs [V]; that of the drive unless given
 

@@ -21,6 +21,7 @@ from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.passivity_law import Effort, PassivityLaw
 from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Reference, ReferenceTable
+from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
 from wmr_afl.controllers.tables import LINEARIZING, PASSIVE, ControllerTable
 from wmr_afl.controllers.tracking_law import TrackingLaw
@@ -183,7 +184,9 @@ class _Assembly:
         with self.at(place("robust")):
             robust = None if table.robust is None else RobustTerm(**table.robust.model_dump())
         with self.at(f"[controllers.{name}]"):
-            return TrackingLaw(knowledge, outer_loop, linearizing, adaptation, robust)
+            rate, outputs = table.reference_rate, len(model.output_units)
+            reference_model = None if rate is None else ReferenceModel(outputs, rate)
+            return TrackingLaw(knowledge, outer_loop, linearizing, adaptation, robust, reference_model)
 
     def _adaptation(self, name: str, table: ControllerTable, numbers: Numbers) -> GradientAdaptation | None:
         thetas = list(self.model.base_parameter_units)
@@ -201,7 +204,8 @@ class _Assembly:
                 gain = by_name("base parameter", given, thetas) if isinstance(given, dict) else given
             modifications = table.adaptation.modifications(thetas)
             seen = table.adaptation.input == "applied"
-            adaptation = GradientAdaptation(len(thetas), gain, modifications, projection, seen)
+            is_late = table.adaptation.order == "late"
+            adaptation = GradientAdaptation(len(thetas), gain, modifications, projection, seen, is_late)
         with self.at(self.experiment.place(name, "projection")):
             projection.check(numbers["theta_hat"], thetas)
         return adaptation

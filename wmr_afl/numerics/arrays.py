@@ -17,6 +17,7 @@ class Arrays(Protocol):
     """What differs between the two libraries. Arithmetic, indexing, `@` and `.T` are the same in both."""
 
     def vector(self, entries: Sequence[Array]) -> Array: ...
+    def matrix(self, rows: Sequence[Sequence[Array]]) -> Array: ...
     def join(self, parts: Sequence[Array]) -> Array: ...
     def sin(self, value: Array) -> Array: ...
     def cos(self, value: Array) -> Array: ...
@@ -42,6 +43,10 @@ class NumpyArrays:
         return np.array(entries, dtype=float)
 
     @staticmethod
+    def matrix(rows: Sequence[Sequence[Array]]) -> Array:
+        return np.array(rows, dtype=float)
+
+    @staticmethod
     def join(parts: Sequence[Array]) -> Array:
         return np.concatenate(parts)
 
@@ -56,6 +61,10 @@ class CasadiArrays:
     @staticmethod
     def vector(entries: Sequence[Array]) -> Array:
         return ca.vertcat(*entries)
+
+    @staticmethod
+    def matrix(rows: Sequence[Sequence[Array]]) -> Array:
+        return ca.vertcat(*(ca.horzcat(*row) for row in rows))
 
     @staticmethod
     def join(parts: Sequence[Array]) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -38,9 +38,14 @@ class Run:
     reference: Floats  # (T, n-m)
     parameters: Floats  # p (n_p,) of the robot at the start
     known: Floats  # c (n_c,), which the controller knew
-    estimate_units: Mapping[str, str]  # name -> unit of each estimate
     failure: Failure | None = None
     warnings: tuple[str, ...] = ()  # what makes the run doubtful, with remedies
+    estimate_units: Mapping[str, str] = field(default_factory=dict)  # of each estimate by name
+
+    def __post_init__(self) -> None:
+        """Estimates are base parameters unless their names say otherwise."""
+        if not self.estimate_units:
+            object.__setattr__(self, "estimate_units", dict(self.model.base_parameter_units))
 
     def __repr__(self) -> str:
         end = str(self.failure) if self.failure else "complete"

@@ -43,7 +43,7 @@ def test_samples_are_read_back_to_the_bit(runs: dict[str, Run], tmp_path: Path) 
     header, numbers = table(tmp_path / "out" / "AFL.csv")
     expected = (run.time[:, None], run.state, run.input, run.command, run.reference, run.error, run.estimate)
     np.testing.assert_array_equal(numbers, np.hstack(expected))
-    assert header == columns(run.model)
+    assert header == columns(run)
     assert header[:8] == ["time [s]", "x [m]", "y [m]", "phi [rad]", "v [m/s]", "omega [rad/s]", "u_r [V]", "u_l [V]"]
     assert header[8:12] == ["command_u_r [V]", "command_u_l [V]", "reference_y1 [m]", "reference_y2 [m]"]
     assert header[12:15] == ["error_y1 [m]", "error_y2 [m]", "estimate_theta1 [1/s]"]

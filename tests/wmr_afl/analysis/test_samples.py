@@ -37,7 +37,7 @@ def test_a_table_of_samples_holds_every_signal_under_its_name(tmp_path: Path) ->
     assert [file.name for file in files] == ["the_AFL.csv", "metrics.json"]
     with open(files[0], encoding="utf-8", newline="") as stream:
         header, *rows = csv.reader(stream)
-    assert header == columns(MODEL)
+    assert header == columns(one)
     table = dict(zip(header, np.array(rows, dtype=float).T, strict=True))
     signals = {
         "": (one.state, MODEL.state_units), " ": (one.input, MODEL.input_units),

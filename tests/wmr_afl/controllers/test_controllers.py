@@ -17,9 +17,9 @@ from wmr_afl.controllers import (
     Projection,
     TrackingLaw,
 )
+from wmr_afl.controllers.law import Action
 from wmr_afl.controllers.outer_loop import tracking_error, within_half_a_turn
 from wmr_afl.controllers.reference import Point, Reference
-from wmr_afl.controllers.tracking_law import Action
 from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.laws import Situation
@@ -167,11 +167,13 @@ def test_adaptation_sees_the_commanded_or_the_applied_input(sees_applied: bool) 
     law = TrackingLaw(knowledge, OuterLoop(2, 2.0, 1.0), adaptation=adaptation)
     z, k = by_part(law.states), by_part(law.values)
     x = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
-    action = Action(np.array([9.0, -4.0]), np.array([0.3, -0.2]), np.array(1.0))
+    action = Action(np.array([9.0, -4.0]), np.array(1.0), {"filtered_error": np.array([0.3, -0.2])})
     applied = np.array([2.0, -1.0])
     found = law.update(x, action, applied, z, k, model, 0.1)["theta_hat"]
     regressor = model.regressor(x, applied if sees_applied else action.input, knowledge.known)
-    np.testing.assert_allclose(found, knowledge.theta_hat + 0.1 * regressor.T @ action.filtered_error, rtol=1e-12)
+    np.testing.assert_allclose(
+        found, knowledge.theta_hat + 0.1 * regressor.T @ action.memory["filtered_error"], rtol=1e-12
+    )
 
 
 def test_an_angle_is_compared_modulo_a_turn_and_other_outputs_are_not(robot: str) -> None:

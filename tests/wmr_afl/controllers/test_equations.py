@@ -18,11 +18,12 @@ from wmr_afl.controllers import (
     TrackingLaw,
 )
 from wmr_afl.controllers.adaptation import AdaptationTable, relative_gain
+from wmr_afl.controllers.law import Action
 from wmr_afl.controllers.outer_loop import OuterLoopTable, TrackingError, tracking_error
 from wmr_afl.controllers.projection import ProjectionTable, relative_bounds
 from wmr_afl.controllers.reference import Point, Reference
 from wmr_afl.controllers.robust_term import RobustTable
-from wmr_afl.controllers.tracking_law import Action, ControllerTable
+from wmr_afl.controllers.tables import ControllerTable
 from wmr_afl.errors import MissingTermError, ShapeError, WmrError
 from wmr_afl.model.laws import Situation
 from wmr_afl.model.model import Model, load_model
@@ -280,14 +281,14 @@ def test_the_whole_law_is_its_parts_put_together(model, situation, random, is_ro
     law = TrackingLaw(Knowledge(model, c, theta), outer, robust=robust if is_robust else None)
     z = SimpleNamespace(theta_hat=theta, robust=states)
     point = point_near(model, x, c, random)
-    action = law.act(x, point, z, by_part(law.values), model)
+    action = law.act(x, point, z, by_part(law.values), model, 0.01)
     error, k = tracking_error(x, c, point, model), SimpleNamespace(**outer.values)
     E1, v = outer.filtered_error(error, k), x[model.coordinate_count :]
     eta = outer.acceleration(error, point, k) + (robust.acceleration(v, E1, states, NUMPY) if is_robust else 0.0)
     gives = model.decoupling_matrix(x, theta, c) @ action.input
     gives += model.lie_f2_h(x, c) + model.lie_q_lie_f_h(x, theta, c)
     np.testing.assert_allclose(gives, eta, rtol=1e-8, atol=1e-8)
-    np.testing.assert_allclose(action.filtered_error, E1, rtol=1e-14)
+    np.testing.assert_allclose(action.memory["filtered_error"], E1, rtol=1e-14)
     assert action.regularity > 0.0
 
 
@@ -303,7 +304,7 @@ def test_the_law_updates_its_states_as_its_parts_do(model, situation, random, is
     law = TrackingLaw(Knowledge(model, c, theta), OuterLoop(outputs, 2.0, 1.0), None, adaptation, robust)
     E1, z = random.normal(size=outputs), SimpleNamespace(theta_hat=theta, robust=states)
     k = by_part(law.values)
-    after = law.update(x, Action(u, E1, np.ones(1)), 0.5 * u, z, k, model, 0.01)
+    after = law.update(x, Action(u, np.ones(1), {"filtered_error": E1}), 0.5 * u, z, k, model, 0.01)
     v = x[model.coordinate_count :]
     for name, value in robust.update(v, E1, states, k_robust, NUMPY, 0.01).items():
         np.testing.assert_allclose(after[f"robust.{name}"], value, rtol=1e-14)

@@ -149,7 +149,7 @@ def test_a_model_counts_its_coordinates_and_pseudo_velocities(model: Model) -> N
     n, m = model.coordinate_count, model.pseudo_velocity_count
     assert n + m == len(model.state_units)
     assert list(model.state_units)[n:] == list(model.findings["pseudo_velocities"])
-    sizes = {"q": n, "x": n + m, "u": len(model.input_units), "w": m, "a": m, "p": len(model.parameter_units),
+    sizes = {"q": n, "x": n + m, "u": len(model.input_units), "w": m, "a": m, "v_r": m, "p": len(model.parameter_units),
              "theta": len(model.base_parameter_units), "c": len(model.known_units)}  # fmt: skip
     for name, entry in model.metadata["functions"].items():
         given = [np.full(sizes[argument], 0.3) for argument in entry["arguments"]]

@@ -65,7 +65,7 @@ def test_a_step_is_reference_measurement_law_drive_and_plant_in_this_order(robot
     sample = np.random.default_rng(0).normal(size=len(model.state_units))
     following, signals = loop.step(0.3, z, k, sample, model)
     point, seen = loop.reference.at(0.3), z.x + 0.01 * sample
-    action = loop.law.act(seen, point, z, k, model)
+    action = loop.law.act(seen, point, z, k, model, loop.sample_time)
     reached = np.clip(z.input_delay.under_way, -1.5, 1.5)
     expected = {
         **plant.update(0.3, action.input, z, k, model, loop.sample_time),
@@ -91,7 +91,7 @@ def test_adaptation_sees_what_is_measured_and_what_reaches_the_motors() -> None:
     sample = np.ones(5)
     following, signals = loop.step(0.0, z, k, sample, model)
     seen = START + np.array([0.01, 0.02, 0.03, 0.04, 0.05])
-    E1 = loop.law.act(seen, loop.reference.at(0.0), z, k, model).filtered_error
+    E1 = loop.law.act(seen, loop.reference.at(0.0), z, k, model, loop.sample_time).memory["filtered_error"]
     regressor = model.regressor(seen, np.zeros(2), k.c)
     np.testing.assert_array_equal(signals["u"], np.zeros(2))
     expected = loop.law.knowledge.theta_hat + 0.02 * loop.law.adaptation.gain * (regressor.T @ E1)

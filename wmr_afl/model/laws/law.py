@@ -44,10 +44,10 @@ class Situation:
         self.u = 5.0 * random.normal(size=(count, len(self.numpy.input_units)))
         self.w = random.normal(size=self.v.shape)
         self.a = random.normal(size=self.v.shape)
-        self.v_r = random.normal(size=self.v.shape)
         self.eta = random.normal(size=self.v.shape)
         self.p = self.numpy.parameters() * random.uniform(0.7, 1.3, (count, len(self.numpy.parameter_units)))
         self.c = self.numpy.known(self.p)
+        self.v_r = random.normal(size=self.v.shape)
 
     def _regular(self, candidates: Floats, count: int) -> Floats:
         """The first `count` configurations that are not close to a singular S, Mbar or D, where every digit is lost."""

@@ -20,7 +20,6 @@ import pytest
 
 from tests.conftest import DESCRIPTIONS
 from tests.derive import descriptions
-from tests.derive.descriptions import derived, motor, part, steered, wheel
 from wmr_afl import Model, load_model
 from wmr_input import Algebra, evaluate
 
@@ -196,21 +195,21 @@ def test_forward_dynamics_equal_an_independent_derivation(sample: Sample) -> Non
 
 
 OFF_CENTRE = descriptions.robot(
-    wheel("left", at=("-e", "b")),
-    wheel("right", at=("-e", "-b")),
-    steered("fork", ("a", "0"), "beta"),
-    wheel("caster", "fork", ("-L", "0")),
-    part("bodies", frame="fork", at=("e", "b"), mass="m", inertia="I"),
-    part("bodies", frame="body", at=("b", "e"), mass="m", inertia="0"),
-    motor("left"),
-    motor("right"),
+    descriptions.wheel("left", at=("-e", "b")),
+    descriptions.wheel("right", at=("-e", "-b")),
+    descriptions.steered("fork", ("a", "0"), "beta"),
+    descriptions.wheel("caster", "fork", ("-L", "0")),
+    descriptions.part("bodies", frame="fork", at=("e", "b"), mass="m", inertia="I"),
+    descriptions.part("bodies", frame="body", at=("b", "e"), mass="m", inertia="0"),
+    descriptions.motor("left"),
+    descriptions.motor("right"),
     angles=("beta",),
 )
 
 
 def test_no_frame_needs_its_origin_on_an_axle_or_in_its_mass(tmp_path: Path) -> None:
     """Derived now: an axle behind the body's origin, a fork whose wheel is off the joint, bodies anywhere."""
-    sample = sample_of(load_model(derived(OFF_CENTRE, tmp_path)), OFF_CENTRE)
+    sample = sample_of(load_model(descriptions.derived(OFF_CENTRE, tmp_path)), OFF_CENTRE)
     assert sample.deviation(sample.model.state_derivative) <= TOLERANCE
 
 

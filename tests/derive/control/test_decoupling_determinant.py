@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from derive.control.decoupling_determinant import Determinant
 from derive.derivation import Derivation
 
 
@@ -46,3 +47,12 @@ def test_angles_at_which_the_motors_lose_a_motion_are_named(derivation: Derivati
                 continue
             if bound < reach.rows:
                 assert any(one.xreplace({angle: place}) == 0 for one in conditions), (angle, place)
+                if derivation.adaptive.kind != "forward":
+                    assert derivation.control.determinant.actuation.xreplace({angle: place}) == 0
+
+
+def test_where_the_motors_fail_is_named_though_the_gain_does_not_show_it() -> None:
+    """A gain that is too long to be factored hides it."""
+    length, theta, gamma = sp.symbols("L theta1 gamma")
+    hidden = Determinant(True, length, 1 / theta, sp.cos(gamma))
+    assert hidden.singular_where == ["L = 0", "cos(gamma) = 0"]

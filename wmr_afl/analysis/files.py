@@ -15,6 +15,7 @@ from wmr_afl.analysis.metrics import metrics
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import file_name
 from wmr_afl.model.model import Model
+from wmr_afl.numerics.arguments import checked
 from wmr_afl.simulation.result import Run
 from wmr_input.whole_files import remove_abandoned, replacing, write_whole
 
@@ -33,6 +34,7 @@ def check_writable(folder: Path) -> None:
         raise WmrError(f"{there}: cannot be written", "name a writable folder")
 
 
+@checked
 def write_results(runs: Mapping[str, Run], folder: Path) -> list[Path]:
     """Write one CSV file for each run and `metrics.json` for all, and return their paths.
 

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from wmr_afl.model.packages import derivation
+from wmr_afl.numerics.arguments import checked
 
 
+@checked
 def derive(description: str | Path, out: str | Path | None = None) -> Any:
     """Derive the robot that a TOML file describes; needs the extra `derive`.
 

@@ -20,7 +20,7 @@ TESTS = {  # kind of input -> its file, or a test in it
     "descriptions": "tests/derive/description/test_junk_descriptions.py",
     "experiments, campaigns": "tests/wmr_afl/experiments/test_junk_experiments.py",
     "API arguments": "tests/wmr_afl/test_junk_arguments.py",
-    "interrupted writing": "tests/wmr_input/test_whole_files.py",
+    "interrupted writing": "tests/wmr_afl/test_interrupted_writing.py",
 }
 
 

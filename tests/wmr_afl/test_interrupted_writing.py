@@ -112,7 +112,7 @@ def die() -> None:
 
 
 def some_lines() -> range:
-    """Every twentieth line of what writes, others with each seed; tests/wmr_input/test_whole_files.py takes every one."""
+    """Every twentieth line of what writes, others with each seed; of the same, `test_whole_files.py` takes each."""
     return range(SEED % STRIDE, 10_000, max(1, STRIDE // TIMES))
 
 

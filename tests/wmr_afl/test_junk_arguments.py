@@ -223,6 +223,8 @@ FOUND: dict[str, tuple[str, str, Any]] = {  # what was found: function, argument
     "a name of two lines": ("run_batch", "values", {"a\nb": "x"}),
     "a seed beyond 63 bits": ("run_batch", "seeds", 2**63),
     "a zero byte in a path": ("run_batch", "trajectories", "a\0b"),
+    "a zero byte in the path of a folder": ("campaign", "out", "a\0b"),
+    "a zero byte in the path of a picture": ("animate", "path", "a\0b.gif"),
     "robots in several numbers": ("run_batch", "seeds", [1, 2, 3]),
     "a gain without a remedy": ("run_batch", "values", {"Gamma": 0.0}),
     "an array for a time": ("run_batch", "since", np.zeros(2)),

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.experiments.vary import Differences, vary
-from wmr_afl.numerics.arguments import checked
+from wmr_afl.numerics.arguments import checked, to_write
 from wmr_afl.simulation.batch import BatchOptions, BatchResult, advance_all
 from wmr_afl.simulation.closed_loop import sample_times
 from wmr_afl.simulation.result import Run
@@ -90,5 +90,6 @@ def run_batch(
     ensemble = vary(loaded.experiment, name, loop, differences)
     if trajectories is None:
         return advance_all(loop, ensemble, options)
-    with recording(Path(trajectories), loop, sample_times(loop, options.duration), ensemble.count) as record:
+    file, times = to_write("trajectories", trajectories), sample_times(loop, options.duration)
+    with recording(file, loop, times, ensemble.count) as record:
         return advance_all(loop, ensemble, options, record)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from wmr_afl.model.packages import derivation
-from wmr_afl.numerics.arguments import checked
+from wmr_afl.numerics.arguments import checked, to_write
 
 
 @checked
@@ -25,5 +25,5 @@ def derive(description: str | Path, out: str | Path | None = None) -> Any:
     if out is not None:
         write = derivation("codegen.write")
         files = write.files_of(derived, path)
-        write.write({f"{derived.robot.name}/{name}": text for name, text in files.items()}, Path(out))
+        write.write({f"{derived.robot.name}/{name}": text for name, text in files.items()}, to_write("out", out))
     return derived

@@ -74,6 +74,17 @@ def real_numbers(
     return array
 
 
+def to_write(name: str, given: str | Path) -> Path:
+    """The path of what is to be written.
+
+    Raises:
+        ArgumentError: if no file can have it, for the system's calls would raise another kind of error.
+    """
+    if "\0" in str(given):
+        raise ArgumentError(f"{name} is {shown(given)}", "give a path without a zero byte")
+    return Path(given)
+
+
 def _taken(value: Any, hint: Any) -> Any:
     """The value as this kind of argument; _UNFIT if it is none. Kinds that are not known here take everything."""
     kind = get_origin(hint) or hint
@@ -108,12 +119,11 @@ def _whole(value: Any, _: Any) -> Any:
 
 
 def _text(value: Any, _: Any) -> Any:
-    """No name holds a zero byte, and the system's calls refuse it in a path."""
-    return _UNFIT if "\0" in value or not isinstance(value, str) else value
+    return value if isinstance(value, str) else _UNFIT
 
 
 def _path(value: Any, _: Any) -> Any:
-    return _UNFIT if "\0" in str(value) or not isinstance(value, PathLike) else value
+    return value if isinstance(value, PathLike) else _UNFIT
 
 
 def _table(value: Any, inside: tuple[Any, ...]) -> Any:

@@ -17,7 +17,7 @@ KINDS: dict[str, tuple[Any, list[Any], list[Any], str]] = {  # annotation -> wha
     "a name or a path": (
         str | Path,
         ["a", Path("a"), ""],
-        [3, None, b"a", ["a"], "a\0b", Path("a\0b")],
+        [3, None, b"a", ["a"]],
         "text or a path",
     ),
     "a name or nothing": (str | None, ["a", None], [3, False, ["a"]], "text or None"),

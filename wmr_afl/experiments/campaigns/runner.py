@@ -14,7 +14,7 @@ from wmr_afl.experiments.campaigns.ledger import Ledger, clear, locked
 from wmr_afl.experiments.campaigns.result import IMPOSSIBLE, CampaignResult
 from wmr_afl.experiments.campaigns.workers import here, on_cluster
 from wmr_afl.experiments.distributions import BLOCK
-from wmr_afl.numerics.arguments import checked
+from wmr_afl.numerics.arguments import checked, to_write
 from wmr_afl.simulation.batch import BatchResult
 from wmr_afl.simulation.result import Run
 from wmr_afl.simulation.simulate import simulate
@@ -50,10 +50,11 @@ def campaign(
     job = prepare(experiment, controller, backend)
     if out is None:
         return _run(job, runs, threads, scheduler, progress, None)
-    with locked(Path(out)):
+    folder = to_write("out", out)
+    with locked(folder):
         if fresh:
-            clear(Path(out))
-        return _run(job, runs, threads, scheduler, progress, Ledger(Path(out), job.fingerprint, job.identity))
+            clear(folder)
+        return _run(job, runs, threads, scheduler, progress, Ledger(folder, job.fingerprint, job.identity))
 
 
 def _run(

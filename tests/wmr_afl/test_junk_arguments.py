@@ -120,7 +120,7 @@ def arguments_of(function: Callable[..., Any]) -> list[str]:
 
 def batch(place: str, name: str, world: World, given: Any) -> object:
     """Junk for one number of all robots, or as that of two robots."""
-    numbers = given if np.ndim(np.asarray(given, dtype=object)) else [given, given]
+    numbers = given if isinstance(given, list | np.ndarray) else [given, given]
     return wmr_afl.run_batch(world.experiment, backend="casadi", **{place: {name: numbers}})
 
 

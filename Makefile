@@ -17,7 +17,7 @@ run: $(VENV)/run.installed check-generated  ## Derive the robots, check the gene
 test: lint types  ## Install what is needed and run every check
 	$(BIN)/python -m pytest -n 2 -q
 
-fuzz: $(VENV)/test.installed  ## Feed damaged files to every command, seed after seed, until one ends in a traceback
+fuzz: $(VENV)/test.installed  ## Feed junk to commands and functions, seed after seed, until one ends in a traceback
 	$(BIN)/python tests/fuzz.py
 
 mutants: $(VENV)/test.installed  ## Put small faults into the code, one at a time, and count those that tests notice

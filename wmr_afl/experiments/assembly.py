@@ -122,7 +122,7 @@ class _Assembly:
             for parameter in table.guess:
                 if parameter in model.known_units:
                     raise WmrError(f"the controller knows {parameter}", "guess uncertain parameters")
-        with self.at(place("guess" if table.guess else "estimate")), np.errstate(all="ignore"):
+        with self.at(place("guess" if table.guess else "estimate")):
             numbers = Numbers(rules_of(self.experiment, name, model), {"p": self.parameters})
             theta_hat = numbers["theta_hat"]
             if not np.all(np.isfinite(theta_hat)):

@@ -95,7 +95,7 @@ def searched(tables: dict[str, Any], name: str, rounds: int, folder: Path, act: 
         found, said = answered(what, lambda: act(file))
         assert is_finite(found), what
         worked += not said
-    assert worked > rounds // 10, "hardly any file meant something"
+    assert worked >= rounds // 20, "hardly any file meant something"
 
 
 @pytest.fixture(autouse=True)

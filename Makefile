@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 ROBOTS := $(sort $(wildcard derive/robots/*.toml))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test fuzz generate check-generated lint types bench notebooks clean
+.PHONY: help run test fuzz mutants generate check-generated lint types bench notebooks clean
 
 help:  ## Show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -17,8 +17,11 @@ run: $(VENV)/run.installed check-generated  ## Derive the robots, check the gene
 test: lint types  ## Install what is needed and run every check
 	$(BIN)/python -m pytest -n 2 -q
 
-fuzz: $(VENV)/test.installed  ## Feed damaged files to every command, seed after seed, until one ends in a traceback
+fuzz: $(VENV)/test.installed  ## Feed junk to commands and functions, seed after seed, until one ends in a traceback
 	$(BIN)/python tests/fuzz.py
+
+mutants: $(VENV)/test.installed  ## Put small faults into the code, one at a time, and count those that tests notice
+	$(BIN)/python -m tests.mutation --count 32 --seconds 20
 
 generate: $(VENV)/run.installed  ## Derive every robot again into generated/
 	$(BIN)/python -m derive $(ROBOTS) --out generated

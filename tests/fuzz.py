@@ -1,7 +1,7 @@
 """`python tests/fuzz.py [--times N] [--seed S] [WORD]`: the fuzz tests for longer, seed after seed, until one fails.
 
-A fuzz test takes its seed and its budget from the environment: WMR_AFL_FUZZ_SEED, and WMR_AFL_FUZZ, how many times
-as much as in the suite. To add one, let it read both and add its file to `TESTS`.
+A fuzz test takes its seed and its budget from `tests/fuzzing.py`, which reads the environment: WMR_AFL_FUZZ_SEED, and
+WMR_AFL_FUZZ, how many times as much as in the suite. To add one, let it take both from there, and add it to `TESTS`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ TESTS = {  # kind of input -> its file, or a test in it
     "models": "tests/wmr_afl/model/test_tampered_models.py",
     "campaign folders, results": "tests/wmr_afl/experiments/campaigns/test_tampered_folders.py",
     "descriptions": "tests/derive/description/test_junk_descriptions.py",
-    "experiments": "tests/wmr_afl/experiments/test_bad_experiments.py",
-    "interrupted writing": "tests/wmr_input/test_whole_files.py",
+    "experiments, campaigns": "tests/wmr_afl/experiments/test_junk_experiments.py",
+    "API arguments": "tests/wmr_afl/test_junk_arguments.py",
+    "interrupted writing": "tests/wmr_afl/test_interrupted_writing.py",
 }
 
 

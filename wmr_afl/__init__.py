@@ -7,6 +7,7 @@ result["AFL"].rms(since=100.0)
 """
 
 from wmr_afl.errors import (
+    ArgumentError,
     BackendWarning,
     CompilerError,
     InputError,
@@ -31,6 +32,7 @@ from wmr_afl.simulation.simulate import SimulationWarning
 generated = _generated()
 
 __all__ = [
+    "ArgumentError",
     "BackendWarning",
     "BatchResult",
     "CampaignResult",

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from wmr_input import InputError, WmrError, nearest
 
 __all__ = [
+    "ArgumentError",
     "BackendWarning",
     "CompilerError",
     "InputError",
@@ -14,6 +15,10 @@ __all__ = [
     "UnknownNameError",
     "WmrError",
 ]
+
+
+class ArgumentError(WmrError, TypeError):
+    """An argument is of a wrong kind; the text says which is expected."""
 
 
 class ShapeError(WmrError, ValueError):

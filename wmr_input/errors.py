@@ -20,7 +20,7 @@ class WmrError(Exception):
         self.problem, self.remedy = problem, remedy
 
     def __str__(self) -> str:
-        return f"{self.problem}; {self.remedy}" if self.remedy else self.problem
+        return _in_one_line(f"{self.problem}; {self.remedy}" if self.remedy else self.problem)
 
     def __reduce__(self) -> tuple[Callable[..., WmrError], tuple[Any, ...]]:
         """Errors of any constructor can be pickled: workers send them to the process that waits for them."""
@@ -33,6 +33,13 @@ def _restored(kind: type[WmrError], content: dict[str, Any]) -> WmrError:
     return error
 
 
+def _in_one_line(text: str) -> str:
+    """Text whose line breaks and control characters, which a name or a path may hold, are written as Python does."""
+    if text.isprintable():
+        return text
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
 class InputError(WmrError):
     """A mistake in a file that a person wrote: `file: place: problem; remedy`."""
 
@@ -41,7 +48,7 @@ class InputError(WmrError):
         self.file, self.place = file, place
 
     def __str__(self) -> str:
-        return ": ".join(part for part in (self.file, self.place, super().__str__()) if part)
+        return ": ".join(_in_one_line(part) for part in (self.file, self.place, super().__str__()) if part)
 
 
 class InputErrors(InputError):
@@ -73,6 +80,20 @@ def mistakes_at(file: str | Path, place: str) -> Iterator[None]:
         raise
     except WmrError as error:
         raise InputError(str(file), place, error.problem, error.remedy) from None
+
+
+def shown(value: Any) -> str:
+    """A value in one short line."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception as error:  # an integer of more digits than Python prints, or what cannot be printed at all
+        return "a number of thousands of digits" if isinstance(error, ValueError) else f"a {type(value).__name__}"
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def plain(text: str) -> str:
+    """Text as it is, or in quotes and shortened if it does not fit into one line."""
+    return text if text.isprintable() and len(text) <= 60 else shown(text)
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:

@@ -13,7 +13,7 @@ from pydantic import (
     WrapValidator,
 )
 
-from wmr_input.errors import FieldError
+from wmr_input.errors import FieldError, shown
 
 
 def either(what: str) -> WrapValidator:
@@ -23,8 +23,7 @@ def either(what: str) -> WrapValidator:
         try:
             return validate(value)
         except ValidationError:
-            shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
-            raise FieldError(f"{shown} does not fit", f"expected {what}") from None
+            raise FieldError(f"{shown(value)} does not fit", f"expected {what}") from None
 
     return WrapValidator(validated)
 

@@ -7,7 +7,7 @@ from typing import Any, TypeVar, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from wmr_input.errors import FieldError, InputError, InputErrors, closest, nearest
+from wmr_input.errors import FieldError, InputError, InputErrors, closest, nearest, plain, shown
 
 LARGEST_FILE = 200_000  # bytes; a file that a person writes has a few thousand
 DEEPEST_TABLE = 20  # levels of tables and lists, far below Python's recursion limit
@@ -72,7 +72,7 @@ def place(location: tuple[int | str, ...], data: Any) -> str:
     """The place in the file, as its author would write it: `[[wheels]] 'right' radius` or `[parameters] r.value`."""
     if not location:
         return ""
-    table, *rest = (_key(part) for part in location)
+    table, *rest = (part if isinstance(part, int) else plain(part) for part in location)
     inside = data.get(location[0]) if isinstance(data, dict) else None
     if not rest:
         return f"[[{table}]]" if isinstance(inside, list) else f"[{table}]" if isinstance(inside, dict) else str(table)
@@ -104,11 +104,11 @@ def _explained(error: ErrorDetails, schema: type[BaseModel]) -> tuple[str, str]:
     """Problem and remedy of one of pydantic's errors."""
     kind, context = error["type"], error.get("ctx", {})
     key = str(error["loc"][-1]) if error["loc"] else ""
-    got = _short(error["input"])
+    got = shown(error["input"])
     if kind == "extra_forbidden":
-        return f"unknown key {key!r}", closest(key, _keys(schema, error["loc"][:-1]))
+        return f"unknown key {shown(key)}", closest(key, _keys(schema, error["loc"][:-1]))
     if kind == "missing":
-        return f"missing {key!r}", f"add {key} = ..."
+        return f"missing {shown(key)}", f"add {key} = ..."
     if kind == "value_error":
         wrong = context["error"]
         return (wrong.problem, wrong.remedy) if isinstance(wrong, FieldError) else (str(wrong), "")
@@ -131,21 +131,6 @@ def _without_misspelt(details: list[ErrorDetails], schema: type[BaseModel]) -> l
     unknown = [one["loc"] for one in details if one["type"] == "extra_forbidden"]
     meant = {(*loc[:-1], nearest(str(loc[-1]), _keys(schema, loc[:-1]))) for loc in unknown}
     return [one for one in details if one["type"] != "missing" or one["loc"] not in meant]
-
-
-def _short(value: Any) -> str:
-    try:
-        shown = repr(value)
-    except ValueError:  # an integer of more digits than Python prints
-        return "a number of thousands of digits"
-    return shown if len(shown) <= 60 else shown[:57] + "..."
-
-
-def _key(part: int | str) -> int | str:
-    """A key, shortened if it does not fit into one line of text."""
-    if isinstance(part, int) or (part.isprintable() and len(part) <= 60):
-        return part
-    return _short(part)
 
 
 def _keys(schema: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:

@@ -84,8 +84,23 @@ def discard(beside: Path) -> None:
 def write_folder(folder: Path, files: Mapping[str, str]) -> None:
     """Write a folder of text files, all of them at once.
 
-    What else lies in it stays, except what Python has compiled there. If the system cannot exchange two folders, files
-    are replaced one by one, so that only then a kill may leave some of them old.
+    What else lies in it stays, except what Python has compiled there.
+
+    Raises:
+        OSError: if it cannot be written; what was there stays.
+    """
+    with renewing(folder, without=(*files, "__pycache__")) as beside:
+        for name, text in files.items():
+            write_whole(beside / name, text)
+
+
+@contextmanager
+def renewing(folder: Path, without: Iterable[str] = ()) -> Iterator[Path]:
+    """Yield a folder that holds what lies in `folder`, `without` some names; afterwards it takes its place at once.
+
+    Files in it may be replaced, added and removed, but not written into: they are those of the old folder under second
+    names. If the system cannot exchange two folders, files are replaced one by one, so that only then a kill may leave
+    some of them old.
 
     Raises:
         OSError: if it cannot be written; what was there stays.
@@ -97,12 +112,11 @@ def write_folder(folder: Path, files: Mapping[str, str]) -> None:
     beside = _beside(folder)
     beside.mkdir()
     try:
-        for name, text in files.items():
-            write_whole(beside / name, text)
         if folder.is_dir() and not folder.is_symlink():
             shutil.copymode(folder, beside)
-            _keep(folder, beside, files)
-        _take_place(beside, folder, files)
+            _keep(folder, beside, without)
+        yield beside
+        _take_place(beside, folder)
     finally:
         discard(beside)
 
@@ -134,10 +148,10 @@ def _mode(path: Path) -> int:
     return stat.S_IMODE(there) | stat.S_IWUSR if stat.S_ISREG(there) else 0o666
 
 
-def _keep(folder: Path, beside: Path, written: Iterable[str]) -> None:
-    """Give what is not written a second name in the new folder."""
+def _keep(folder: Path, beside: Path, without: Iterable[str]) -> None:
+    """Give what lies in the old folder a second name in the new one."""
     for there in folder.iterdir():
-        if there.name in (*written, "__pycache__"):
+        if there.name in without:
             continue
         if there.is_dir() and not there.is_symlink():
             shutil.copytree(there, beside / there.name, symlinks=True, copy_function=_second_name)
@@ -152,7 +166,7 @@ def _second_name(there: str, here: str) -> None:
         shutil.copy2(there, here, follow_symlinks=False)
 
 
-def _take_place(beside: Path, folder: Path, files: Iterable[str]) -> None:
+def _take_place(beside: Path, folder: Path) -> None:
     """Let the new folder take the place of the old one, which is `beside` afterwards."""
     if not os.path.lexists(folder):
         beside.rename(folder)
@@ -160,10 +174,19 @@ def _take_place(beside: Path, folder: Path, files: Iterable[str]) -> None:
         if folder.is_symlink():
             folder.unlink()
             beside.rename(folder)
-            return
-        for name in files:
-            os.replace(beside / name, folder / name)
-        discard(folder / "__pycache__")
+        else:
+            _replace_one_by_one(beside, folder)
+
+
+def _replace_one_by_one(beside: Path, folder: Path) -> None:
+    """As an exchange, for systems that have none."""
+    kept = {path.name for path in beside.iterdir()}
+    for path in beside.iterdir():
+        if not (folder / path.name).is_dir():  # a folder in it was copied and is the same
+            os.replace(path, folder / path.name)
+    for path in folder.iterdir():
+        if path.name not in kept:
+            discard(path)
 
 
 def _exchange(one: Path, other: Path) -> bool:

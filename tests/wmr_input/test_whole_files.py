@@ -29,13 +29,15 @@ def content(folder: Path) -> Content:
     }
 
 
-def interrupted(act: Callable[[], None], place: int, stop: Callable[[], None]) -> bool:
-    """Do something, and `stop` before its line number `place` of whole_files.py; False if it has fewer lines."""
+def interrupted(
+    act: Callable[[], object], place: int, stop: Callable[[], None], file: str = whole_files.__file__
+) -> bool:
+    """Do something, and `stop` before its line number `place` of a file; False if it has fewer lines."""
     count = -1
 
     def line(frame: FrameType, event: str, argument: object) -> object:
         nonlocal count
-        if frame.f_code.co_filename != whole_files.__file__:
+        if frame.f_code.co_filename != file:
             return None
         if event == "line":
             count += 1

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from wmr_afl.analysis.geometry import Geometry
 from wmr_afl.analysis.plots import COLOURS, REFERENCE, styled, verbatim
 from wmr_afl.errors import WmrError
+from wmr_afl.numerics.arguments import checked, to_write
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.result import Run
 from wmr_input.whole_files import replacing
@@ -30,6 +31,7 @@ SIZE, DPI = (8.0, 4.7), 80  # [inch], [1/inch]; 640 x 376 pixels, even numbers a
 LONGEST_LINE = 1000  # points of a drawn path, more than it has pixels
 
 
+@checked
 def animate(
     run: Run,
     path: str | Path,
@@ -66,7 +68,7 @@ def check_file(path: str | Path) -> Path:
     Raises:
         WmrError: if it cannot.
     """
-    file = Path(path)
+    file = to_write("path", path)
     if file.suffix.lower() not in (".gif", ".mp4"):
         raise WmrError(f"{file}: unknown kind of animation {file.suffix!r}", "name a file that ends in .gif or .mp4")
     if file.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():

@@ -10,7 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from wmr_afl.analysis import plots
+from wmr_afl.analysis.files import renewed
 from wmr_afl.errors import WmrError
+from wmr_afl.experiments.campaigns.ledger import locked
 from wmr_afl.experiments.campaigns.result import CampaignResult, wilson
 from wmr_afl.numerics.arrays import Floats
 from wmr_input.whole_files import write_whole
@@ -19,21 +21,22 @@ BINS = 10  # of a drawn quantity, with equally many runs in each; for 1000 runs 
 
 
 def write(result: CampaignResult, folder: Path) -> list[Path]:
-    """Write summary.json and the plots, and return their paths.
+    """Write summary.json and the plots, all at once, and return their paths.
 
     Raises:
-        WmrError: if the folder cannot be written.
+        WmrError: if the folder cannot be written, or another process runs a campaign there.
     """
-    summary = folder / "summary.json"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        write_whole(summary, json.dumps(result.summary(), indent=2) + "\n")
-    except OSError as error:
-        raise WmrError(f"{summary}: cannot be written ({error.strerror})", "make room or name another --out") from None
-    files = [summary]
-    for name, figure in (("errors", draw_errors(result)), ("success", draw_success(result))):
-        files += plots.save(figure, folder / name)
-    return files
+    figures = {"errors": draw_errors(result), "success": draw_success(result)}
+    with locked(folder), renewed(folder) as beside:
+        files = [beside / "summary.json"]
+        try:
+            write_whole(files[0], json.dumps(result.summary(), indent=2) + "\n")
+        except OSError as error:
+            problem = f"{files[0]}: cannot be written ({error.strerror})"
+            raise WmrError(problem, "make room or name another --out") from None
+        for name, figure in figures.items():
+            files += plots.save(figure, beside / name)
+    return [folder / file.name for file in files]
 
 
 def draw_errors(result: CampaignResult) -> Figure:

@@ -46,7 +46,8 @@ def excitation(run: Run, scale: Floats, window: float = 20.0, since: float = 0.0
     rows = run.time >= since
     time = run.time[rows]
     if len(time) < 2 or time[-1] - time[0] < window:
-        raise SimulationError(f"{run.controller} holds no window of {window:g} s since {since:g} s")
+        problem = f"{run.controller} holds no window of {window:g} s since {since:g} s"
+        raise SimulationError(problem, "choose a shorter window")
     regressor = run.model.in_library("numpy").regressor(run.state[rows], run.input[rows], run.known) * np.abs(scale)
     squares = np.einsum("tij,tik->tjk", regressor, regressor)
     step = float(time[1] - time[0])

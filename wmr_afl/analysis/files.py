@@ -14,8 +14,9 @@ import numpy as np
 from wmr_afl.analysis.metrics import metrics
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import file_name
+from wmr_afl.numerics.arguments import checked
 from wmr_afl.simulation.result import Run
-from wmr_input.whole_files import remove_abandoned, replacing, write_whole
+from wmr_input.whole_files import remove_abandoned, renewing, replacing, write_whole
 
 NOTE = "written.json"  # in a result folder: the files that were written there, with their digests
 SAMPLES = 10_000  # that are turned into text at a time
@@ -32,6 +33,7 @@ def check_writable(folder: Path) -> None:
         raise WmrError(f"{there}: cannot be written", "name a writable folder")
 
 
+@checked
 def write_results(runs: Mapping[str, Run], folder: Path) -> list[Path]:
     """Write one CSV file for each run and `metrics.json` for all, and return their paths.
 
@@ -53,6 +55,26 @@ def write_results(runs: Mapping[str, Run], folder: Path) -> list[Path]:
         write_whole(files[-1], text + "\n")
         _write_note(folder, {**_noted(folder), **_digests(files)})
     return files
+
+
+@contextmanager
+def renewed(folder: Path) -> Iterator[Path]:
+    """Yield a folder for results, which takes the place of `folder` at once; what else lies there stays.
+
+    Where nothing can be written beside the folder, or it is another disk, results go into it file by file.
+
+    Raises:
+        WmrError: if it cannot be written; what was there stays.
+    """
+    place = folder.resolve() if folder.is_dir() else folder  # results may lie on another disk, behind a link
+    if place.is_dir() and not (os.access(place.parent, os.W_OK | os.X_OK) and not os.path.ismount(place)):
+        yield folder
+        return
+    with _writing(folder), renewing(place) as beside:
+        try:
+            yield beside
+        except WmrError as error:
+            raise WmrError(error.problem.replace(str(beside), str(folder)), error.remedy) from None
 
 
 def keep_only(files: Iterable[Path], folder: Path) -> None:

@@ -14,6 +14,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wmr_afl.errors import WmrError
+from wmr_afl.numerics.arguments import checked
 from wmr_afl.simulation.result import Run
 from wmr_input.whole_files import replacing
 
@@ -50,6 +51,7 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
+@checked
 def save(figure: Figure, stem: Path) -> list[Path]:
     """Write `stem`.png and `stem`.svg, and return their paths.
 
@@ -120,8 +122,15 @@ def draw_estimates(axes: Axes, run: Run, true_values: np.ndarray | None = None) 
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
+@checked
 def overview(runs: Runs, title: str) -> dict[str, Figure]:
-    """The standard figures of an experiment: path, errors, and for each controller inputs and estimates."""
+    """The standard figures of an experiment: path, errors, and for each controller inputs and estimates.
+
+    Raises:
+        WmrError: if there is no run.
+    """
+    if not runs:
+        raise WmrError("there is nothing to draw", "give a run")
     some = next(iter(runs.values()))
     outputs = len(some.model.output_units)
     figures = {}

@@ -84,7 +84,7 @@ def ultimate_bound(
     leakage = leaks[0] if leaks else np.zeros(1)
     lowest, highest = float(leakage.min()), float(leakage.max())
     if lowest <= 0.0 or k <= np.sqrt(0.5):
-        raise WmrError("the bound (65) needs leakage > 0 on every estimate, and k > sqrt(1/2)")
+        raise WmrError("the bound (65) needs leakage > 0 on every estimate, and k > sqrt(1/2)", "choose such numbers")
     m_q = float(np.linalg.svd(system.Q, compute_uv=False).min())
     s1, s2 = 0.5 * m_q, 2.0 * lowest * (1.0 - 0.5 / k**2)  # (58)
     size = float(np.linalg.norm(np.asarray(theta, dtype=float)))

@@ -96,14 +96,15 @@ def tables(result: CampaignResult) -> Iterator[RenderableType]:
 
 
 def _replay(experiment: str, index: int, controller: str | None, backend: str, folder: Path) -> None:
-    from wmr_afl.analysis.files import keep_only, write_results
+    from wmr_afl.analysis.files import keep_only, renewed, write_results
     from wmr_afl.experiments.campaigns import replay
     from wmr_afl.experiments.experiment import file_name
 
     run = replay(experiment, index, controller, backend)
-    files = write_results({run.controller: run}, folder)
-    for name, figure in plots.overview({run.controller: run}, f"run {index} of a campaign").items():
-        files += plots.save(figure, folder / file_name(name))
-    keep_only(files, folder)
+    with renewed(folder) as beside:
+        files = write_results({run.controller: run}, beside)
+        for name, figure in plots.overview({run.controller: run}, f"run {index} of a campaign").items():
+            files += plots.save(figure, beside / file_name(name))
+        keep_only(files, beside)
     print_metrics(f"run {index}", {run.controller: run})
     say(f"{len(files)} files in {folder}")

@@ -21,7 +21,7 @@ def simulate(
 ) -> None:
     """Run an experiment; write its samples, metrics and figures; exit with 1 where a run failed."""
     from wmr_afl.analysis import plots
-    from wmr_afl.analysis.files import check_writable, keep_only, write_results
+    from wmr_afl.analysis.files import check_writable, keep_only, renewed, write_results
     from wmr_afl.experiments.experiment import file_name, read_experiment
 
     with reporting():
@@ -29,10 +29,11 @@ def simulate(
         check_writable(out / path.stem)
         runs = run_with_progress(experiment, backend, controller)
         folder = out / path.stem
-        files = write_results(runs, folder)
-        for name, figure in plots.overview(runs, described.title).items():
-            files += plots.save(figure, folder / file_name(name))
-        keep_only(files, folder)
+        with renewed(folder) as beside:
+            files = write_results(runs, beside)
+            for name, figure in plots.overview(runs, described.title).items():
+                files += plots.save(figure, beside / file_name(name))
+            keep_only(files, beside)
     print_metrics(described.title, runs)
     say(f"{len(files)} files in {folder}")
     if any(run.failure for run in runs.values()):

@@ -103,7 +103,10 @@ class GradientAdaptation(Part):
     def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
         yield (
             ~_positive_definite(k.Gamma, self.gain.ndim),
-            lambda k: (f"the adaptation gain {k.Gamma.tolist()} is not symmetric positive definite", ""),
+            lambda k: (
+                f"the adaptation gain {k.Gamma.tolist()} is not symmetric positive definite",
+                "choose finite positive numbers",
+            ),
         )
 
     @property
@@ -130,11 +133,12 @@ class GradientAdaptation(Part):
 
 
 def _positive_definite(gain: Floats, dimensions: int) -> Any:
-    """Whether gains (..., n, n), or their diagonals (..., n), are symmetric positive definite, (...)."""
+    """Whether gains (..., n, n), or their diagonals (..., n), are finite, symmetric and positive definite, (...)."""
     if dimensions == 1:
-        return np.all(gain > 0, axis=-1)
-    symmetric = np.isclose(gain, np.swapaxes(gain, -1, -2)).all(axis=(-2, -1))
-    return symmetric & (np.linalg.eigvalsh(gain) > 0).all(axis=-1)
+        return np.all((gain > 0) & np.isfinite(gain), axis=-1)
+    finite = np.where(np.isfinite(gain).all(axis=(-2, -1), keepdims=True), gain, 0.0)  # else there are no eigenvalues
+    symmetric = np.isclose(finite, np.swapaxes(finite, -1, -2)).all(axis=(-2, -1))
+    return symmetric & (np.linalg.eigvalsh(finite) > 0).all(axis=-1)
 
 
 def relative_gain(estimate: Floats, g: float) -> Floats:

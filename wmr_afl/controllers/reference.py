@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from wmr_afl.errors import UnknownNameError, WmrError
+from wmr_afl.numerics.arguments import checked, real_numbers
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.formulas import TimeFunction
 from wmr_afl.numerics.parts import Fixed
@@ -101,10 +102,12 @@ class Reference(Fixed):
         ExpressionError: if an expression is wrong.
     """
 
+    @checked
     def __init__(self, expressions: Mapping[str, str], counts_turns: bool = False) -> None:
         self.expressions, self.counts_turns = dict(expressions), counts_turns
         self._of_time = TimeFunction(list(expressions.values()), order=2)
 
+    @checked
     def ordered(self, outputs: Sequence[str]) -> Reference:
         """The same trajectory with one expression for each of these outputs, in their order.
 
@@ -129,7 +132,7 @@ class Reference(Fixed):
 
     def over(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """yr, yr', yr'' at all `times` (T,) [s], (T, n-m) each."""
-        row = np.atleast_1d(np.asarray(times, dtype=float)).reshape(1, -1)
+        row = real_numbers("times", times, "give times [s]").reshape(1, -1)
         if not row.size:  # CasADi has no map over nothing
             return (np.zeros((0, len(self.expressions))),) * 3
         position, velocity, acceleration = (part.full().T for part in self._of_time.function.map(row.shape[1])(row))

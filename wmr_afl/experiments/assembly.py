@@ -141,7 +141,7 @@ class _Assembly:
                 raise WmrError(
                     f"model {model.name} admits no {table.law} law: {obstacle}", "or use the linearizing law"
                 )
-        with self.at(place("guess" if table.guess else "estimate")), np.errstate(all="ignore"):
+        with self.at(place("guess" if table.guess else "estimate")):
             given = {"p": self.parameters, "x": by_name("state", self.experiment.start, list(model.state_units), 0.0)}
             numbers = Numbers(rules_of(self.experiment, name, model), given)
             if not np.all(np.isfinite(numbers["theta_hat"])):

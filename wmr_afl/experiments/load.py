@@ -13,6 +13,7 @@ from wmr_afl.errors import UnknownNameError
 from wmr_afl.experiments.assembly import assemble, model_of
 from wmr_afl.experiments.experiment import Experiment, find_experiment, read_experiment
 from wmr_afl.simulation.closed_loop import ClosedLoop
+from wmr_input.errors import shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +31,8 @@ class Loaded:
             UnknownNameError: if there is no such controller.
         """
         name = next(iter(self.loops)) if controller is None else controller
-        if name not in self.loops:
-            raise UnknownNameError("controller", name, self.loops)
+        if not (isinstance(name, str) and name in self.loops):
+            raise UnknownNameError("controller", name if isinstance(name, str) else shown(name), self.loops)
         return name
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from decimal import Decimal
 from math import inf, isfinite
 from numbers import Real
@@ -19,6 +20,7 @@ from wmr_afl.controllers.reference import Reference
 from wmr_afl.errors import CompilerError, ShapeError, SimulationError, WmrError
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.model import Model
+from wmr_afl.numerics.arguments import checked, real_numbers
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.parts import Fixed, Parts, by_part, disjoint, prefixed
 from wmr_afl.plant.uncertainty import Uncertainty
@@ -26,10 +28,13 @@ from wmr_afl.simulation.kernels.block import Watched
 from wmr_afl.simulation.kernels.compiled import Kernel
 from wmr_afl.simulation.kernels.interpreted import bind
 from wmr_afl.simulation.layout import Layout
+from wmr_input.errors import plain, shown
 
 SAME = 1e-6  # of a sample time, by which clocks jitter: steps that differ less are a sample time, as in the simulator
 LONGEST_STEP = 2.0  # sample times; the law's states move by no more at once
 LONGEST_GAP = 10.0  # sample times; after a longer gap nothing is learned from the sample before
+MEASURED = "fiuO"  # NumPy's types of what is measured: no truth values, no text
+UNSOUND = "measure again; if Dhat is singular, bound the estimates"
 LATEST = 1e11  # [s], some 3000 years: beyond, the clock counts something else than seconds
 
 
@@ -52,6 +57,7 @@ class Controller(Fixed):
         WmrError: if an output has no reference, or a time is not positive.
     """
 
+    @checked
     def __init__(
         self,
         model: Model,
@@ -80,6 +86,7 @@ class Controller(Fixed):
         self._lock, self._clock = threading.Lock(), [-inf]  # time of the last update [s]
 
     @classmethod
+    @checked
     def from_experiment(cls, experiment: str | Path, controller: str | None = None) -> Controller:
         """The controller of an experiment, the first unless named, with its reference, sample time and drive.
 
@@ -102,7 +109,7 @@ class Controller(Fixed):
             SimulationError: if Dhat is singular, something is not finite, or time goes back; the controller then stays
                 as it was.
         """
-        measured = x if type(x) is np.ndarray and x.dtype == np.float64 else _numbers("x", x)
+        measured = x if type(x) is np.ndarray and x.dtype == np.float64 else real_numbers("x", x, kinds=MEASURED)
         if measured.shape != (self._size,):
             names = ", ".join(self.model.state_units)
             raise ShapeError(f"x has shape {measured.shape}", f"expected ({self._size},): {names}")
@@ -116,7 +123,8 @@ class Controller(Fixed):
             if step == 0.0 or not is_sound:
                 self._now[:] = self._before
             if not is_sound:
-                raise SimulationError(f"at t = {t} s Dhat is singular, or x, t or what follows from them is not finite")
+                problem = f"at t = {t} s Dhat is singular, or x, t or what follows from them is not finite"
+                raise SimulationError(problem, UNSOUND)
             self._clock[0] = time
             return self._out[:-2].copy()
 
@@ -133,6 +141,7 @@ class Controller(Fixed):
         with self._lock:
             return {name: np.ravel(value).tolist() for name, value in self._layout.unpack(self._now.copy()).items()}
 
+    @checked
     def load_state(self, state: Mapping[str, ArrayLike]) -> None:
         """Goes on with states as `state_dict` gave them, or with some of them; gains and bounds stay as they are.
 
@@ -143,10 +152,12 @@ class Controller(Fixed):
             following = self._layout.unpack(self._now.copy())
             for name, value in state.items():
                 if name not in following:
-                    raise ShapeError(f"{name!r} is not a state of this controller", f"there is {', '.join(following)}")
-                numbers = _numbers(f"state {name}", value)
+                    remedy = f"there is {', '.join(following)}"
+                    raise ShapeError(f"{plain(name)!r} is not a state of this controller", remedy)
+                numbers = real_numbers(f"state {name}", value, kinds=MEASURED)
                 if numbers.shape != following[name].shape or not np.isfinite(numbers).all():
-                    raise ShapeError(f"state {name} is {value!r}", f"expected {following[name].size} finite numbers")
+                    remedy = f"expected {following[name].size} finite numbers"
+                    raise ShapeError(f"state {name} is {shown(value)}", remedy)
                 following[name] = numbers
             self._now[:] = self._layout.pack(following)
 
@@ -204,25 +215,6 @@ class Controller(Fixed):
         return ca.Function("controller", [flat, t, given, ca.SX.sym("none", 0)], outputs)
 
 
-def _numbers(name: str, given: ArrayLike) -> Floats:
-    """Real numbers as an array.
-
-    Raises:
-        ShapeError: if something else is among them.
-    """
-    if isinstance(given, np.ma.MaskedArray) and np.ma.getmaskarray(given).any():
-        raise ShapeError(f"{name} has masked entries", "give all of them, or leave the sample out")
-    try:
-        array = np.asarray(given)
-        if array.dtype.kind == "O":  # such as Decimal, and None
-            array = np.array([float(one) for one in array.ravel()]).reshape(array.shape)
-    except (TypeError, ValueError):
-        raise ShapeError(f"{name} is not an array of numbers", "give one number for each entry") from None
-    if array.dtype.kind not in "fiu":
-        raise ShapeError(f"{name} holds {array.dtype} instead of real numbers", "give one number for each entry")
-    return array.astype(np.float64)
-
-
 def _seconds(t: Any) -> float:
     """A time [s] as a float.
 
@@ -230,9 +222,10 @@ def _seconds(t: Any) -> float:
         ShapeError: if it is not a real number.
     """
     value = t[()] if isinstance(t, np.ndarray) and t.shape == () else t
-    if isinstance(value, bool | np.timedelta64) or not isinstance(value, Real | Decimal):
-        raise ShapeError(f"t is {t!r}", "give seconds as a number")
-    return float(value)
+    if not isinstance(value, bool | np.timedelta64) and isinstance(value, Real | Decimal):
+        with suppress(OverflowError):
+            return float(value)
+    raise ShapeError(f"t is {shown(t)}", "give seconds as a number")
 
 
 def _restored(built: tuple[Any, ...], state: Mapping[str, ArrayLike], clock: float) -> Controller:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.experiments.vary import Differences, vary
+from wmr_afl.numerics.arguments import checked, to_write
 from wmr_afl.simulation.batch import BatchOptions, BatchResult, advance_all
 from wmr_afl.simulation.closed_loop import sample_times
 from wmr_afl.simulation.result import Run
@@ -18,6 +19,7 @@ from wmr_afl.simulation.trajectories import recording
 Progress = Callable[[str, int, int], None]  # controller, samples done, of how many
 
 
+@checked
 def run(
     experiment: str | Path,
     backend: str = "auto",
@@ -36,9 +38,8 @@ def run(
     """
     loaded = load_experiment(experiment)
     duration, loops = loaded.experiment.simulation.duration, loaded.loops
-    chosen = [controllers] if isinstance(controllers, str) else list(controllers or loops)
-    for name in chosen:
-        loaded.name(name)
+    chosen = [controllers] if isinstance(controllers, str) else list(() if controllers is None else controllers)
+    chosen = [loaded.name(name) for name in chosen or loops]
     runs = {}
     for name in chosen:
         total, done = len(sample_times(loops[name], duration)), 0
@@ -52,6 +53,7 @@ def run(
     return runs
 
 
+@checked
 def run_batch(
     experiment: str | Path,
     controller: str | None = None,
@@ -88,5 +90,6 @@ def run_batch(
     ensemble = vary(loaded.experiment, name, loop, differences)
     if trajectories is None:
         return advance_all(loop, ensemble, options)
-    with recording(Path(trajectories), loop, sample_times(loop, options.duration), ensemble.count) as record:
+    file, times = to_write("trajectories", trajectories), sample_times(loop, options.duration)
+    with recording(file, loop, times, ensemble.count) as record:
         return advance_all(loop, ensemble, options, record)

@@ -14,11 +14,15 @@ from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
 from wmr_afl.experiments.assembly import rules_of
 from wmr_afl.experiments.experiment import Experiment
 from wmr_afl.model.plausibility import RobotFault, robot_faults, start_faults
+from wmr_afl.numerics.arguments import real_numbers
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.parts import by_part
 from wmr_afl.numerics.rules import Numbers
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.ensemble import Ensemble
+from wmr_input.errors import plain, shown
+
+LARGEST_SEED = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -38,13 +42,13 @@ class Differences:
         Raises:
             ShapeError: if nothing says how many robots there are, or numbers of robots differ.
         """
-        scale = {f"scale of {name}": factor for name, factor in self.scale.items()}
+        scale = {f"scale of {plain(name)}": factor for name, factor in self.scale.items()}
         seeds = {} if self.seeds is None else {"seeds": self.seeds}
         given: dict[str, Any] = {**self.parameters, **self.start, **self.gains, **scale, **seeds}
-        counts = {name: len(array) for name, value in given.items() if np.ndim(array := _numbers(name, value))}
+        counts = {plain(name): len(array) for name, value in given.items() if np.ndim(array := _numbers(name, value))}
         if len(set(counts.values())) > 1:
             listed = ", ".join(f"{name} {count}" for name, count in counts.items())
-            raise ShapeError(f"the numbers of robots differ: {listed}")
+            raise ShapeError(f"the numbers of robots differ: {listed}", "give as many of each")
         if not counts or 0 in counts.values():
             raise ShapeError(
                 "nothing says how many robots there are", "give parameters, start, values, scale or seeds as arrays"
@@ -77,7 +81,8 @@ def vary_where_possible(
         place, whole = _place(name, loop)
         factors[place][whole] = _column(f"scale of {name}", factor, count)
     p = np.empty((count, len(model.parameter_units)))
-    p[:] = model.replaced(loop.values["p"], differences.parameters)
+    of_each = {name: _column(name, value, count) for name, value in differences.parameters.items()}
+    p[:] = model.replaced(loop.values["p"], of_each)
     for name, factor in factors["parameters"].items():
         p[:, list(model.parameter_units).index(name)] *= factor
     names = list(loop.law.knowledge.units)
@@ -195,8 +200,9 @@ def _starts(loop: ClosedLoop, start: Mapping[str, ArrayLike], count: int) -> Flo
 def _seeds(loop: ClosedLoop, seeds: ArrayLike | None, count: int) -> NDArray[np.int64]:
     """Of the noise of each robot, (N,); (0,) if nothing is drawn."""
     drawn = np.asarray(loop.plant.seed if seeds is None else seeds)
-    if drawn.dtype.kind not in "iu" or drawn.ndim > 1 or np.any(drawn < 0):
-        raise ShapeError(f"seeds are {seeds!r}", "expected whole numbers from zero, one for each robot")
+    if drawn.dtype.kind not in "iu" or drawn.ndim > 1 or np.any((drawn < 0) | (drawn > LARGEST_SEED)):
+        remedy = f"expected whole numbers from zero to {LARGEST_SEED}, one for each robot"
+        raise ShapeError(f"seeds are {shown(seeds)}", remedy)
     return np.broadcast_to(drawn.astype(np.int64), (count if loop.plant.samples else 0,))
 
 
@@ -209,10 +215,7 @@ def _column(name: str, given: ArrayLike, count: int) -> Floats:
 
 
 def _numbers(name: str, given: ArrayLike) -> Floats:
-    try:
-        return np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        raise ShapeError(f"{name} is not an array of numbers", "give one number for each robot") from None
+    return real_numbers(plain(name), given, "give one number for each robot")
 
 
 def _columns(numbers: Mapping[str, Floats]) -> Floats:

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from wmr_afl.model.packages import derivation
+from wmr_afl.numerics.arguments import checked, to_write
 
 
+@checked
 def derive(description: str | Path, out: str | Path | None = None) -> Any:
     """Derive the robot that a TOML file describes; needs the extra `derive`.
 
@@ -23,5 +25,5 @@ def derive(description: str | Path, out: str | Path | None = None) -> Any:
     if out is not None:
         write = derivation("codegen.write")
         files = write.files_of(derived, path)
-        write.write({f"{derived.robot.name}/{name}": text for name, text in files.items()}, Path(out))
+        write.write({f"{derived.robot.name}/{name}": text for name, text in files.items()}, to_write("out", out))
     return derived

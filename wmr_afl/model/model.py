@@ -11,13 +11,16 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.errors import InputError, MissingTermError, ShapeError, UnknownNameError
 from wmr_afl.model.files import AGAIN, model_folder, open_model, read_trusted_values
-from wmr_afl.model.term import Term, checked_vector
+from wmr_afl.model.term import SAME_SHAPE, Term, checked_vector
+from wmr_afl.numerics.arguments import checked, real_numbers
 from wmr_afl.numerics.arrays import LIBRARIES, Arrays, Floats
 from wmr_input import closest
+from wmr_input.errors import plain, shown
 
 Library = Literal["numpy", "casadi"]
 
 
+@checked
 def load_model(name: str | Path, backend: Library = "numpy") -> Model:
     """A shipped model by its name, or the model in a folder that `derive` has written by its path, as `./mine`.
 
@@ -36,9 +39,11 @@ class Model:
     x = [q; v] is the state, u the motor voltages, w generalized forces on v, p the physical parameters, theta the base
     parameters, c the known constants. Every generated function is an attribute: `model.decoupling_matrix(x, theta, c)`;
     `model.functions()` lists them and `help(model.decoupling_matrix)` shows arguments, shape and equation. In NumPy
-    every argument may carry batches in front; in CasADi arguments are columns, and symbols give symbols.
+    every argument may carry batches in front; in CasADi arguments are columns, and symbols give symbols. What is not
+    finite goes through: NumPy warns of what overflows or has no value.
     """
 
+    @checked
     def __init__(self, folder: Path, library: Library = "numpy") -> None:
         if library not in LIBRARIES:
             raise UnknownNameError("backend", str(library), LIBRARIES)
@@ -77,7 +82,7 @@ class Model:
         """
         if name.startswith("_"):
             raise AttributeError(name)
-        problem = f"model {self.name} has no {name}: its parametrization is {self.parametrization}"
+        problem = f"model {self.name} has no {plain(name)}: its parametrization is {self.parametrization}"
         raise MissingTermError(problem, closest(name, self._functions))
 
     def __dir__(self) -> list[str]:
@@ -121,7 +126,7 @@ class Model:
 
     def has(self, term: str) -> bool:
         """Whether the model has the generated function of this name."""
-        return term in self._functions
+        return isinstance(term, str) and term in self._functions
 
     def trusted_values(self) -> dict[str, Any]:
         """Arguments, and what every function gives there, computed from SymPy's expressions when it was derived.
@@ -132,6 +137,7 @@ class Model:
         sizes = {argument: len(names) for argument, names in self._entries().items()}
         return read_trusted_values(self.folder, self.metadata, sizes)
 
+    @checked
     def in_library(self, library: Library) -> Model:
         """The same model in NumPy or in CasADi.
 
@@ -155,6 +161,7 @@ class Model:
         defaults = np.array(list(self.metadata["defaults"].values()), dtype=float)
         return self.replaced(defaults, overrides)
 
+    @checked
     def replaced(self, p: ArrayLike, changes: Mapping[str, ArrayLike]) -> Floats:
         """p (..., n_p) with some parameters replaced.
 
@@ -162,21 +169,19 @@ class Model:
             UnknownNameError: if there is no such parameter.
             ShapeError: if a value is not a finite number, or batches do not fit each other.
         """
-        columns = dict(zip(self.parameter_units, np.moveaxis(np.asarray(p, dtype=float), -1, 0), strict=True))
+        p = checked_vector("p", self.name, p, list(self.parameter_units))
+        columns = dict(zip(self.parameter_units, np.moveaxis(p, -1, 0), strict=True))
         for name, value in changes.items():
             if name not in columns:
                 raise UnknownNameError(f"parameter of {self.name}", name, columns)
-            try:
-                columns[name] = np.asarray(value, dtype=float)
-            except (TypeError, ValueError):
-                raise ShapeError(f"parameter {name} is {value!r}", "expected a number or an array of numbers") from None
+            columns[name] = real_numbers(f"parameter {name}", value, "give a number or an array of numbers")
             if not np.all(np.isfinite(columns[name])):
-                raise ShapeError(f"parameter {name} is {value!r}", "expected finite numbers")
+                raise ShapeError(f"parameter {name} is {shown(value)}", "give finite numbers")
         try:
             return np.stack(np.broadcast_arrays(*columns.values()), axis=-1).astype(float)
         except ValueError:
             shapes = ", ".join(f"{name} {np.shape(value)}" for name, value in columns.items() if np.ndim(value))
-            raise ShapeError(f"batches of parameters do not fit each other: {shapes}") from None
+            raise ShapeError(f"batches of parameters do not fit each other: {shapes}", SAME_SHAPE) from None
 
     def known(self, p: ArrayLike) -> Floats:
         """c: the known constants, those entries of p that a controller may use, (..., n_c).

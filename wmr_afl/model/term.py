@@ -6,13 +6,15 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from casadi import DM, MX, SX, Function
 
 from wmr_afl.errors import ShapeError
+from wmr_afl.numerics.arguments import real_numbers
 from wmr_afl.numerics.arrays import Array, Floats
 
 Entries = Mapping[str, Sequence[str]]  # argument -> names of its entries, in order
+
+SAME_SHAPE = "give batches of one shape"  # the remedy where those of several arguments differ
 
 
 class _Documentation:
@@ -47,16 +49,23 @@ class Term:
         if named or len(arguments) != len(self._entries):
             arguments = self._in_order(arguments, named)
         if self._takes_columns:  # CasADi would broadcast or transpose a wrong shape
-            for (argument, names), value in zip(self._entries.items(), arguments, strict=True):
-                check_column(argument, self._model, value, names)
+            return self._function(*self._each(checked_column, arguments))
         try:
             return self._function(*arguments)
+        except (ValueError, TypeError):
+            pass  # looked at only now: most calls are right
+        arrays = self._each(checked_vector, arguments)
+        try:
+            return self._function(*arrays)
         except ValueError:
-            given = dict(zip(self._entries, arguments, strict=True))
-            for argument, value in given.items():
-                checked_vector(argument, self._model, value, self._entries[argument])
-            shapes = ", ".join(f"{argument} has shape {np.shape(value)}" for argument, value in given.items())
-            raise ShapeError(f"batches of {self._model}.{self.name} do not fit each other: {shapes}") from None
+            given = zip(self._entries, arrays, strict=True)
+            shapes = ", ".join(f"{argument} has shape {value.shape}" for argument, value in given)
+            problem = f"batches of {self._model}.{self.name} do not fit each other: {shapes}"
+            raise ShapeError(problem, SAME_SHAPE) from None
+
+    def _each(self, check: Callable[..., Array], arguments: Sequence[Array]) -> list[Array]:
+        given = zip(self._entries.items(), arguments, strict=True)
+        return [check(argument, self._model, value, names) for (argument, names), value in given]
 
     def _in_order(self, arguments: Sequence[Array], named: Mapping[str, Array]) -> tuple[Array, ...]:
         given = {**dict(zip(self._entries, arguments, strict=False)), **named}
@@ -76,17 +85,14 @@ def checked_vector(argument: str, model: str, value: Array, names: Sequence[str]
         ShapeError: if it is not one.
     """
     expected = f"expected (..., {len(names)}): {', '.join(names) or 'nothing'}"
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ShapeError(f"{argument} is not an array of numbers", expected) from None
+    array = real_numbers(argument, value, expected)
     if array.ndim == 0 or array.shape[-1] != len(names):
         raise ShapeError(f"{argument} of {model} has shape {array.shape}", expected)
     return array
 
 
-def check_column(argument: str, model: str, value: Array, names: Sequence[str]) -> None:
-    """Check that `value` is a column (len(names), 1), of numbers or of symbols.
+def checked_column(argument: str, model: str, value: Array, names: Sequence[str]) -> Array:
+    """`value` as a column (len(names), 1), of numbers or of symbols.
 
     Raises:
         ShapeError: if it is not one.
@@ -95,6 +101,7 @@ def check_column(argument: str, model: str, value: Array, names: Sequence[str]) 
         value = checked_vector(argument, model, value, names)
     if tuple(value.shape) not in ((len(names),), (len(names), 1)):
         raise ShapeError(f"{argument} of {model} has shape {tuple(value.shape)}", f"expected ({len(names)}, 1)")
+    return value
 
 
 def _documentation(entries: Entries, meaning: Mapping[str, Any]) -> str:

@@ -10,8 +10,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from wmr_afl.errors import ArgumentError
 from wmr_afl.numerics.parts import Fixed
 from wmr_input import LONGEST_FORMULA, Algebra, evaluate
+from wmr_input.errors import shown
 
 _ON_ARRAYS: dict[str, Callable[..., Any]] = {  # functions in formulas of model.json
     "sin": np.sin,
@@ -85,9 +87,20 @@ class TimeFunction(Fixed):
         return TimeFunction, self._text
 
     def __call__(self, t: Any) -> list[Any]:
-        """Value and derivatives at time t [s]: columns if t is symbolic, NumPy vectors if it is a number."""
-        parts = self.function.call([t])
-        return parts if isinstance(t, ca.SX) else [part.full()[:, 0] for part in parts]
+        """Value and derivatives at time t [s]: columns if t is symbolic, NumPy vectors if it is a number.
+
+        Raises:
+            ArgumentError: if it is neither.
+        """
+        try:
+            parts = self.function.call([t])
+            return parts if isinstance(t, ca.SX) else [part.full()[:, 0] for part in parts]
+        except (
+            NotImplementedError,
+            RuntimeError,
+            AttributeError,
+        ):  # what CasADi cannot read
+            raise ArgumentError(f"t is {shown(t)}", "give seconds as a number") from None
 
 
 def _number(fraction: Fraction) -> float:

@@ -20,7 +20,7 @@ class Numbers:
     """Numbers of a closed loop by name, (...) or with robots in front, (N, ...).
 
     A number is what is `given`, else what its rule makes of others, else what stands in `otherwise`; times its `scale`
-    (N,), or (N, ...) entry by entry.
+    (N,), or (N, ...) entry by entry. It may overflow: whoever uses it looks whether it is finite, and says it in words.
     """
 
     def __init__(
@@ -35,12 +35,13 @@ class Numbers:
 
     def __getitem__(self, name: str) -> Floats:
         if name not in self._found:
-            value = self._unscaled(name)
-            if name in self._scale:
-                factors = self._scale[name]
-                if factors.ndim == 1:  # one for each robot, else one for each of its entries
-                    factors = factors.reshape(len(factors), *(1 for _ in np.shape(self._otherwise[name])))
-                value = value * factors
+            with np.errstate(all="ignore"):
+                value = self._unscaled(name)
+                if name in self._scale:
+                    factors = self._scale[name]
+                    if factors.ndim == 1:  # one for each robot, else one for each of its entries
+                        factors = factors.reshape(len(factors), *(1 for _ in np.shape(self._otherwise[name])))
+                    value = value * factors
             self._found[name] = value
         return self._found[name]
 

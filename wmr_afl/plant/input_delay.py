@@ -12,6 +12,8 @@ from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
 from wmr_input.fields import Positive
 
+MOST_LATE = 1_000_000  # samples; each command under way is a state of the loop
+
 
 class InputDelayTable(UncertaintyTable):
     """Commands reach the motors late, by whole samples."""
@@ -22,6 +24,9 @@ class InputDelayTable(UncertaintyTable):
 
     def build(self, surroundings: Surroundings) -> InputDelay:
         step = surroundings.sample_time
+        if self.seconds / step > MOST_LATE:
+            problem = f"{self.seconds:g} s are more than {MOST_LATE} samples of {step:g} s"
+            raise WmrError(problem, "choose a shorter delay")
         samples = round(self.seconds / step)
         if samples < 1 or abs(samples * step - self.seconds) > 1e-9 * self.seconds:
             raise WmrError(f"{self.seconds:g} s are no whole number of samples of {step:g} s", "choose a multiple")

@@ -39,7 +39,8 @@ class LateralSlip(Uncertainty):
         pose = [root[part] for part in ("x", "y", "heading")]
         if any(part not in names for part in pose):
             raise MissingTermError(
-                f"model {model.name} cannot slip: its root's pose {', '.join(pose)} is not made of coordinates"
+                f"model {model.name} cannot slip: its root's pose {', '.join(pose)} is not made of coordinates",
+                "leave lateral_slip out",
             )
         self.places = [names.index(part) for part in pose]
         self._speed = TimeFunction([speed])

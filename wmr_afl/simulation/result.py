@@ -9,6 +9,7 @@ import numpy as np
 
 from wmr_afl.errors import SimulationError
 from wmr_afl.model.model import Model
+from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
 
 
@@ -57,14 +58,18 @@ class Run:
         model = self.model.in_library("numpy")
         return np.asarray(model.output(self.state[:, : model.coordinate_count], self.known))
 
+    @checked
     def rms(self, since: float = 0.0, until: float = np.inf) -> Floats:
         """Root mean square of the tracking error from `since` to `until` [s], (n-m,).
 
         Raises:
             SimulationError: if the run failed before `until`, or has no sample in between.
         """
-        return np.sqrt(np.mean(self._window(since, until) ** 2, axis=0))
+        error = self._window(since, until)
+        scale = np.exp2(np.frexp(np.abs(error).max(axis=0))[1] - 1.0)  # a power of two changes no digit of the rest
+        return scale * np.sqrt(np.mean((error / scale) ** 2, axis=0))
 
+    @checked
     def largest_error(self, since: float = 0.0, until: float = np.inf) -> Floats:
         """Largest absolute tracking error from `since` to `until` [s], (n-m,).
 

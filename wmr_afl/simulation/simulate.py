@@ -52,7 +52,8 @@ def simulate(
         UnknownNameError: if there is no such backend.
     """
     if loop.sample_time > duration:
-        raise SimulationError(f"a sample of {loop.sample_time:g} s is longer than the run of {duration:g} s")
+        problem = f"a sample of {loop.sample_time:g} s is longer than the run of {duration:g} s"
+        raise SimulationError(problem, "choose a shorter sample or a longer run")
     times, signals = sample_times(loop, duration), loop.signal_layout
     robot = robot or _as_it_is(loop)
     noise = normal_samples(robot.generator(0), len(times), loop.plant.samples) if loop.plant.samples else None

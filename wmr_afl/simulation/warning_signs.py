@@ -69,10 +69,12 @@ def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping
 def _step_size(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:
     """In steps of dt the law (25) lessens the Lyapunov function (43) only if dt eig_max(W Gamma W^T) < alpha."""
     model = loop.model.in_library("numpy")
-    W = np.asarray(model.regressor(signals["x"][0], signals["command"][0], numbers["c"]))
     Gamma = numbers["adaptation.Gamma"]
     gain = np.diag(Gamma) if Gamma.ndim == 1 else Gamma
-    speed = loop.sample_time * float(np.linalg.eigvalsh(W @ gain @ W.T).max())
+    with np.errstate(all="ignore"):  # far away W Gamma W^T overflows: faster than any sample
+        W = np.asarray(model.regressor(signals["x"][0], signals["command"][0], numbers["c"]))
+        change = W @ gain @ W.T
+    speed = loop.sample_time * float(np.linalg.eigvalsh(change).max()) if np.isfinite(change).all() else np.inf
     alpha = float(numbers["outer_loop.alpha"].min())
     if speed > alpha:
         remedy = "sample faster, lower the adaptation gain, or start closer to the reference"

@@ -54,9 +54,16 @@ def test_as_few_base_parameters_as_can_be_give_the_function_again(name: str) -> 
         ((p1 * x + p2 * L * x,), p1 + L * p2),
         ((p1 * L**2 * x + p2 * x + p3 * L * x,), L**2 * p1 + p2 + L * p3),
         ((p1 * L * x + p2 * x, p1 * L * y + p2 * y), L * p1 + p2),
+        ((p1 * x + p2 * x / L,), L * p1 + p2),
     ],
 )
 def test_base_parameters_join_without_division_by_a_length_that_may_be_zero(function: tuple, expected: sp.Expr) -> None:
     """The column that is kept is the one in which the others are multiples, not quotients."""
     (theta,) = parametrized(*function).base_parameters
     assert sp.expand(theta - expected) == 0
+
+
+def test_base_parameters_are_sums_rather_than_differences_where_there_is_a_choice() -> None:
+    """Columns x, y and x - y: of the bases only {y, x - y} has no negative coefficient in x."""
+    found = parametrized(p1 * x + p2 * y + p3 * (x - y)).base_parameters
+    assert set(map(sp.expand, found)) == {p1 + p2, p1 + p3}

@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from derive.codegen.write import generate_one, write
 from derive.derivation import derive_robot
 from derive.description.tables import FUNCTION_NAMES
 from tests.conftest import DESCRIPTIONS
+from tests.fuzzing import short
 from wmr_afl.model.laws import Situation
 from wmr_input import InputError
 
@@ -59,18 +60,6 @@ def in_time() -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
-
-
-def short(examples: int) -> Callable[..., Any]:
-    """The same examples in every run. Add Phase.shrink to look for the smallest one that fails; it may take minutes."""
-    return settings(
-        max_examples=examples,
-        derandomize=True,
-        deadline=None,
-        database=None,
-        phases=[Phase.explicit, Phase.generate],
-        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
-    )
 
 
 # --- lines -----------------------------------------------------------------------------------------------------------

@@ -12,12 +12,14 @@ import math
 import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from tests.conftest import DESCRIPTIONS
+from tests.derive import descriptions
 from wmr_afl import Model, load_model
 from wmr_input import Algebra, evaluate
 
@@ -164,7 +166,11 @@ class Sample:
 
 @pytest.fixture
 def sample(robot: str) -> Sample:
-    model, description = load_model(robot), tomllib.loads(DESCRIPTIONS[robot].read_text(encoding="utf-8"))
+    return sample_of(load_model(robot), DESCRIPTIONS[robot].read_text(encoding="utf-8"))
+
+
+def sample_of(model: Model, text: str) -> Sample:
+    description = tomllib.loads(text)
     formulas = description.get("pseudo_velocities", model.findings["pseudo_velocities"])
     witness = Witness(description, formulas)
     arguments = random_arguments(model)
@@ -179,12 +185,31 @@ def random_arguments(model: Model) -> tuple[np.ndarray, ...]:
     angles = [i for i, unit in enumerate(model.state_units.values()) if unit == "rad"]
     x[:, angles] = random.uniform(-LARGEST_ANGLE, LARGEST_ANGLE, (COUNT, len(angles)))
     u = random.normal(scale=10.0, size=(COUNT, len(model.input_units)))
-    w = random.normal(scale=10.0, size=(COUNT, len(model.output_units)))
+    w = random.normal(scale=10.0, size=(COUNT, model.pseudo_velocity_count))
     p = model.parameters() * random.uniform(0.8, 1.2, (COUNT, len(model.parameter_units)))
     return x, u, w, p
 
 
 def test_forward_dynamics_equal_an_independent_derivation(sample: Sample) -> None:
+    assert sample.deviation(sample.model.state_derivative) <= TOLERANCE
+
+
+OFF_CENTRE = descriptions.robot(
+    descriptions.wheel("left", at=("-e", "b")),
+    descriptions.wheel("right", at=("-e", "-b")),
+    descriptions.steered("fork", ("a", "0"), "beta"),
+    descriptions.wheel("caster", "fork", ("-L", "0")),
+    descriptions.part("bodies", frame="fork", at=("e", "b"), mass="m", inertia="I"),
+    descriptions.part("bodies", frame="body", at=("b", "e"), mass="m", inertia="0"),
+    descriptions.motor("left"),
+    descriptions.motor("right"),
+    angles=("beta",),
+)
+
+
+def test_no_frame_needs_its_origin_on_an_axle_or_in_its_mass(tmp_path: Path) -> None:
+    """Derived now: an axle behind the body's origin, a fork whose wheel is off the joint, bodies anywhere."""
+    sample = sample_of(load_model(descriptions.derived(OFF_CENTRE, tmp_path)), OFF_CENTRE)
     assert sample.deviation(sample.model.state_derivative) <= TOLERANCE
 
 

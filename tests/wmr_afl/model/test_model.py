@@ -171,3 +171,13 @@ def test_a_name_too_long_for_a_file_is_unknown() -> None:
 def test_batches_of_parameters_must_fit() -> None:
     with pytest.raises(ShapeError, match=r"m_C \(2,\), r \(3,\)|r \(3,\), m_C \(2,\)"):
         load_model("type_2_0").parameters(m_C=[1.0, 2.0], r=[1.0, 2.0, 3.0])
+
+
+def test_a_term_names_its_model_and_itself(robot: str) -> None:
+    """In every message: `type_2_0.output`."""
+    for library in ("numpy", "casadi"):
+        model = load_model(robot, library)
+        for name, entry in model.metadata["functions"].items():
+            assert repr(getattr(model, name)) == f"<{robot}.{name}({', '.join(entry['arguments'])})>"
+            with pytest.raises(ShapeError, match=rf"^{robot}\.{name} takes "):
+                getattr(model, name)()

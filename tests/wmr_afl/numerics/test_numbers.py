@@ -9,6 +9,7 @@ import pytest
 
 from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
 from wmr_afl.numerics.arrays import LIBRARIES, NUMPY, Arrays, dot, norm
+from wmr_afl.numerics.complementarity import stopping_forces
 from wmr_afl.numerics.formulas import TimeFunction, numpy_value
 from wmr_afl.numerics.linear_algebra import SINGULAR, entries, least_norm, regularity, solve, sum_of_squares
 from wmr_afl.numerics.parts import Part, Parts, by_part, disjoint, prefixed
@@ -243,3 +244,9 @@ def test_numbers_for_each_entry_are_finite_and_fit() -> None:
     for wrong in ([1.0], [1.0, np.nan], np.inf, [1.0, 2.0, 3.0]):
         with pytest.raises(ShapeError, match="b1"):
             per_entry("b1", wrong, 2)
+
+
+def test_what_is_at_rest_takes_no_force() -> None:
+    """Also where two forces could hold each other without an effect."""
+    free = [None, None]
+    assert stopping_forces([0.0, 0.0], [[1.0, -1.0], [-1.0, 1.0]], free, free, NUMPY) == [0.0, 0.0]

@@ -172,6 +172,25 @@ def test_a_load_on_the_wheels_acts_with_the_parameters_that_hold_then(model: Mod
         np.testing.assert_allclose(found, model.state_derivative(x, u, w, now), **CLOSE)
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_a_loaded_robot_moves_like_one_that_was_always_so(model: Model, situation: Situation, integrator: str) -> None:
+    """Loads and what resists act with the parameters that hold at their time, in every stage of a sample."""
+    x, u, p = situation.x[0], situation.u[0], situation.p[0]
+    names = [name for name, unit in model.parameter_units.items() if unit in ("m", "kg")]
+    old = dict(zip(model.parameter_units, p, strict=True))
+    other = model.replaced(p, {name: 1.5 * float(old[name]) for name in names})
+
+    def after(t: float, parameters: Floats, *payload: Uncertainty) -> Floats:
+        loads = [Friction(model, 0.3, 5.0, "wheels"), Disturbance(model, "3", "wheels")]
+        plant = Plant(model, parameters, x, integrator, [*loads, *payload])
+        return plant.update(t, u, by_part(plant.states), by_part(plant.values), model, 0.01)["x"]
+
+    change = PayloadChange(model, 1.0, other)
+    np.testing.assert_allclose(after(0.5, p, change), after(0.5, p), **CLOSE)
+    np.testing.assert_allclose(after(2.0, p, change), after(2.0, other), **CLOSE)
+    assert np.max(np.abs(after(2.0, other) - after(2.0, p))) > 1e-4
+
+
 def test_without_uncertainties_the_plant_is_the_model(model: Model, situation: Situation) -> None:
     """x' = f + g u, no load, no noise, no seed."""
     x, u, p = situation.x[0], situation.u[0], situation.p[0]

@@ -232,7 +232,14 @@ def test_an_ensemble_holds_a_column_for_each_robot() -> None:
 
 @pytest.mark.parametrize(
     ("backend", "threads", "since"),
-    [("casadi", 1, 0.0), ("casadi", 1, 0.13), ("casadi", 1, 0.4), ("compiled", 1, 0.2), ("compiled", 2, 0.13)],
+    [
+        ("casadi", 1, 0.0),
+        ("casadi", 1, 0.13),
+        ("casadi", 1, 0.14),  # 0.14/0.02 is more than 7 in doubles
+        ("casadi", 1, 0.4),
+        ("compiled", 1, 0.2),
+        ("compiled", 2, 0.13),
+    ],
 )
 def test_a_batch_summarizes_what_single_runs_give(backend: str, threads: int, since: float) -> None:
     """RMS and largest error from `since` on, also between samples; largest input and estimate; last state."""

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from wmr_afl.errors import ShapeError, WmrError
 from wmr_afl.experiments.distributions import SuccessTable
+from wmr_afl.numerics.arguments import checked, real_numbers
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.batch import BatchResult
+from wmr_input.errors import shown
 
 IMPOSSIBLE = "impossible draw: "  # in front of the cause, if a robot cannot have what was drawn for it
 LEVELS = (0.05, 0.25, 0.5, 0.75, 0.95, 0.99)  # of the quantiles that are printed and saved
@@ -54,13 +56,27 @@ class CampaignResult:
         counts = Counter(IMPOSSIBLE.rstrip(": ") if kind.startswith(IMPOSSIBLE) else kind for kind in kinds)
         return dict(counts.most_common())
 
+    @checked
     def success_rate(self, confidence: float = 0.95) -> tuple[float, float, float]:
-        """The share of runs that succeeded, with Wilson's bounds at this confidence."""
+        """The share of runs that succeeded, with Wilson's bounds at this confidence.
+
+        Raises:
+            WmrError: if the confidence is not between 0 and 1.
+        """
+        if not 0.0 < confidence < 1.0:
+            raise WmrError(f"the confidence is {confidence:g}", "choose a number between 0 and 1, such as 0.95")
         return wilson(int(np.count_nonzero(self.succeeded)), len(self), confidence)
 
-    def quantiles(self, levels: Sequence[float] = LEVELS) -> dict[str, Floats]:
-        """Quantiles of the measures of all runs, by name, (levels,); a failed run's measures count as infinite."""
-        return {name: np.quantile(values, levels, method="higher") for name, values in self.measures().items()}
+    def quantiles(self, levels: ArrayLike = LEVELS) -> dict[str, Floats]:
+        """Quantiles of the measures of all runs, by name, (levels,); a failed run's measures count as infinite.
+
+        Raises:
+            ShapeError: if a level is not a number from 0 to 1.
+        """
+        wanted = real_numbers("levels", levels, "give numbers from 0 to 1")
+        if not wanted.size or not np.all((wanted >= 0.0) & (wanted <= 1.0)):
+            raise ShapeError(f"levels are {shown(levels)}", "give numbers from 0 to 1")
+        return {name: np.quantile(values, wanted, method="higher") for name, values in self.measures().items()}
 
     def measures(self) -> dict[str, Floats]:
         """Largest and RMS errors, inputs and estimates of every run, by name and unit, (N,) each."""
@@ -72,13 +88,21 @@ class CampaignResult:
         columns["largest estimate"] = self.runs.largest_estimate
         return columns
 
+    @checked
     def worst(self, count: int = 10) -> NDArray[np.int64]:
         """Indices of the worst runs: first those that failed, the earliest first, then by their largest RMS error."""
         early = np.where(self.runs.failed, self.runs.failure_time, np.inf)
         return np.lexsort((np.arange(len(self)), -self.runs.rms.max(axis=1), early))[:count]
 
+    @checked
     def describe(self, index: int) -> dict[str, Any]:
-        """One run: what it drew, when it failed, and its measures."""
+        """One run: what it drew, when it failed, and its measures.
+
+        Raises:
+            WmrError: if there is no such run.
+        """
+        if not -len(self) <= index < len(self):
+            raise WmrError(f"there is no run {shown(index)}", f"runs are counted from 0 to {len(self) - 1}")
         failure = self.runs.failure_time[index]
         return {
             "run": int(index),

@@ -14,13 +14,16 @@ from wmr_afl.experiments.campaigns.ledger import Ledger, clear, locked
 from wmr_afl.experiments.campaigns.result import IMPOSSIBLE, CampaignResult
 from wmr_afl.experiments.campaigns.workers import here, on_cluster
 from wmr_afl.experiments.distributions import BLOCK
+from wmr_afl.numerics.arguments import checked, to_write
 from wmr_afl.simulation.batch import BatchResult
 from wmr_afl.simulation.result import Run
 from wmr_afl.simulation.simulate import simulate
+from wmr_input.errors import shown
 
 MOST_RUNS = 10_000_000  # whose summaries of about 13 doubles each take 1 GB of memory
 
 
+@checked
 def campaign(
     experiment: str | Path,
     runs: int,
@@ -43,14 +46,15 @@ def campaign(
         WmrError: if the number of runs is out of range, or the folder or the scheduler fails.
     """
     if not 1 <= runs <= MOST_RUNS:
-        raise WmrError(f"{runs} runs", f"choose 1 to {MOST_RUNS}")
+        raise WmrError(f"{shown(runs)} runs", f"choose 1 to {MOST_RUNS}")
     job = prepare(experiment, controller, backend)
     if out is None:
         return _run(job, runs, threads, scheduler, progress, None)
-    with locked(Path(out)):
+    folder = to_write("out", out)
+    with locked(folder):
         if fresh:
-            clear(Path(out))
-        return _run(job, runs, threads, scheduler, progress, Ledger(Path(out), job.fingerprint, job.identity))
+            clear(folder)
+        return _run(job, runs, threads, scheduler, progress, Ledger(folder, job.fingerprint, job.identity))
 
 
 def _run(
@@ -89,6 +93,7 @@ def _gathered(job: Job, blocks: list[Columns]) -> CampaignResult:
     )
 
 
+@checked
 def replay(experiment: str | Path, index: int, controller: str | None = None, backend: str = "auto") -> Run:
     """Run one run of a campaign again, with all its samples.
 
@@ -98,7 +103,7 @@ def replay(experiment: str | Path, index: int, controller: str | None = None, ba
         WmrError: if there is no such run.
     """
     if not 0 <= index < MOST_RUNS:
-        raise WmrError(f"there is no run {index}", "runs are counted from 0")
+        raise WmrError(f"there is no run {shown(index)}", "runs are counted from 0")
     job = prepare(experiment, controller)
     loop, (block, row) = loop_of(job), divmod(index, BLOCK)
     _, ensemble, faults = ensemble_of(job, loop, block, BLOCK)

@@ -129,5 +129,5 @@ def _pointer(array: Floats | None) -> int | None:
     if array is None:
         return None
     if not (array.flags.c_contiguous and array.dtype == np.float64):
-        raise ShapeError("a compiled kernel takes contiguous arrays of doubles")
+        raise ShapeError("a compiled kernel takes contiguous arrays of doubles", "give np.ascontiguousarray(...)")
     return array.ctypes.data

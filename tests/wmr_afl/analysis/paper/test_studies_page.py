@@ -32,9 +32,9 @@ def test_the_page_tells_what_is_measured(study: str) -> None:
 
 
 def test_the_text_agrees_with_the_table() -> None:
-    """The sentences on study_2_high_gain, which once said 0.4 m."""
+    """The sentences on study_2_high_gain: more than half a metre, estimates above forty, both modified laws below."""
     high = {name: [float(one) for one in row[:3]] for (study, name), row in told().items() if study == STUDIES[2]}
-    assert high["AFL"][1] > 0.7
-    assert high["AFL"][2] > 50.0
+    assert high["AFL"][1] > 0.5
+    assert high["AFL"][2] > 40.0
     assert all(high[name][0] < CLAIMED for name in ("AFL with leakage", "robust AFL"))
-    assert high["robust AFL"][1] > CLAIMED > high["AFL with leakage"][1]
+    assert high["robust AFL"][2] > 40.0 > high["AFL with leakage"][2]

@@ -1,4 +1,4 @@
-"""What a campaign amounts to, from results that are made by hand; and what a campaign's fingerprint knows."""
+"""What a campaign amounts to, from results that are made by hand, and what a campaign's fingerprint knows."""
 
 import json
 from pathlib import Path
@@ -8,37 +8,14 @@ import numpy as np
 import pytest
 
 import wmr_afl
-from wmr_afl.analysis.campaign_plots import BINS, _binned, draw_errors, draw_success, write
-from wmr_afl.experiments.campaigns import CampaignResult
+from tests.wmr_afl.experiments.campaigns.handmade import INF, NAN, result
 from wmr_afl.experiments.campaigns.job import ensemble_of, loop_of, prepare, run_block
 from wmr_afl.experiments.campaigns.ledger import Ledger, clear
 from wmr_afl.experiments.campaigns.result import LEVELS, wilson
 from wmr_afl.experiments.distributions import BLOCK, CampaignTable, Distribution, SuccessTable, draw, draws, noise_seeds
-from wmr_afl.simulation.batch import BatchResult
 from wmr_afl.simulation.layout import Layout
 from wmr_input import InputError, WmrError
 from wmr_input.toml_file import validate
-
-NAN, INF = np.nan, np.inf
-
-
-def result(rms: list[list[float]], failure: list[float] | None = None, **other) -> CampaignResult:
-    """A campaign of two outputs and two motors; what is not given is the same for all runs."""
-    count = len(rms)
-    times = np.array([NAN] * count if failure is None else failure)
-    runs = BatchResult(
-        rms=np.array(rms),
-        largest_error=other.get("largest_error", 2.0 * np.array(rms)),
-        largest_input=other.get("largest_input", np.tile([1.0, 2.0], (count, 1))),
-        largest_estimate=np.arange(1.0, count + 1.0),
-        final_state=np.zeros((count, 5)),
-        failure_time=times,
-        failure_cause=np.array(["" if np.isnan(time) else "diverged; lower the gains" for time in times]),
-    )
-    drawn = {"start.x": np.linspace(0.0, 1.0, count)}
-    return CampaignResult(
-        "AFL", {"y1": "m", "y2": "rad"}, {"u_r": "V", "u_l": "V"}, 3, drawn, runs, other.get("success", SuccessTable())
-    )
 
 
 def test_a_run_succeeds_if_every_output_keeps_every_bound_and_nothing_failed() -> None:
@@ -127,66 +104,6 @@ def test_wilsons_bounds_solve_his_equation(trials: int, confidence: float) -> No
         for p in (low, high):
             assert (share - p) ** 2 == pytest.approx(z**2 * p * (1.0 - p) / trials, abs=1e-12)
         assert low < high
-
-
-def test_bars_reach_from_the_bound_below_to_the_bound_above() -> None:
-    """In each bin of a drawn quantity, in percent; asymmetric where few succeed."""
-    column = np.arange(100.0)
-    succeeded = column >= 95.0
-    places, rates, bars = _binned(column, succeeded)
-    assert (places.shape, rates.shape, bars.shape) == ((BINS,), (BINS,), (2, BINS))
-    np.testing.assert_array_equal(places, 4.5 + 10.0 * np.arange(10))
-    np.testing.assert_array_equal(rates, [0.0] * 9 + [50.0])
-    none, half = wilson(0, 10, 0.95), wilson(5, 10, 0.95)
-    np.testing.assert_allclose(bars[:, 0], [0.0, 100.0 * none[2]], atol=1e-12)
-    np.testing.assert_allclose(bars[:, -1], 100.0 * np.array([0.5 - half[1], half[2] - 0.5]), rtol=1e-12)
-
-
-def test_of_a_choice_of_few_values_each_is_a_bin() -> None:
-    """However often it was drawn."""
-    column = np.array([2.0, 1.0, 1.0, 2.0, 1.0])
-    places, rates, _ = _binned(column, np.array([True, True, False, True, False]))
-    assert places.tolist() == [1.0, 2.0]
-    np.testing.assert_allclose(rates, [100.0 / 3.0, 100.0])
-
-
-def test_curves_end_at_the_share_of_all_runs_that_did_not_fail() -> None:
-    """A failure lowers the curve: the share is one of all runs."""
-    one = result([[0.1, 0.2], [INF, INF], [0.3, 0.4], [0.2, 0.1]], [NAN, 2.0, NAN, NAN], success=SuccessTable(rms=0.35))
-    axes = draw_errors(one).axes[0]
-    first, second = axes.lines[:2]
-    np.testing.assert_array_equal(first.get_xdata(), [0.1, 0.2, 0.3])
-    np.testing.assert_array_equal(first.get_ydata(), [25.0, 50.0, 75.0])
-    np.testing.assert_array_equal(second.get_xdata(), [0.1, 0.2, 0.4])
-    assert first.get_label() == "y1 [m]"
-    assert axes.lines[2].get_xdata()[0] == 0.35
-    rate, low, high = one.success_rate()
-    assert axes.texts[0].get_text() == f"success {rate:.1%}"
-    extent = axes.patches[0].get_extents().transformed(axes.transData.inverted())
-    np.testing.assert_allclose([extent.y0, extent.y1], [100.0 * low, 100.0 * high], rtol=1e-9)
-
-
-def test_success_is_drawn_over_every_quantity_but_seeds() -> None:
-    """One panel each."""
-    one = result([[0.1, 0.2]] * 4)
-    one.draws["noise_seed"] = np.arange(4)
-    one.draws["scale.m_C"] = np.arange(4.0)
-    assert [axes.get_xlabel() for axes in draw_success(one).axes] == ["start.x", "scale.m_C"]
-    only = result([[0.1, 0.2]] * 4)
-    only.draws.clear()
-    only.draws["noise_seed"] = np.arange(4)
-    assert [axes.get_xlabel() for axes in draw_success(only).axes] == ["noise_seed"]
-
-
-def test_files_of_a_campaign_are_its_summary_and_two_figures(tmp_path: Path) -> None:
-    """summary.json holds what `summary` gives."""
-    one = result([[0.1, 0.2], [0.3, 0.4]])
-    files = write(one, tmp_path / "folder")
-    assert [file.name for file in files] == ["summary.json", "errors.png", "errors.svg", "success.png", "success.svg"]
-    assert json.loads(files[0].read_text()) == one.summary()
-    (tmp_path / "file").write_text("")
-    with pytest.raises(WmrError, match="cannot be written"):
-        write(one, tmp_path / "file" / "folder")
 
 
 EXPERIMENT = """

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import wmr_afl
+from tests.fuzzing import SEED, budget, stream
 from tests.wmr_afl.experiments.campaigns.test_campaigns import STUDY_1, same
-from tests.wmr_afl.model.test_tampered_models import COUNT, SEED, answer
+from tests.wmr_afl.model.test_tampered_models import answer
 from wmr_afl import CampaignResult
 from wmr_afl.analysis.files import keep_only, write_results
 from wmr_afl.experiments.distributions import BLOCK
 
-ROUNDS = COUNT // 25
+ROUNDS = budget(20)
 
 
 def damage(file: Path, chosen: random.Random) -> str:
@@ -62,7 +63,7 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Camp
 def test_no_change_of_a_campaigns_folder_gives_a_traceback_or_other_numbers(
     campaign: tuple[Path, Path, CampaignResult], tmp_path: Path
 ) -> None:
-    chosen, (experiment, whole, expected) = random.Random(SEED), campaign  # noqa: S311
+    chosen, (experiment, whole, expected) = stream("campaigns"), campaign
     names = ["campaign.json", "block_000000.npz", "block_000001.npz"]
     found: list[CampaignResult] = []
     for number in range(ROUNDS):
@@ -83,7 +84,7 @@ def test_no_change_of_a_campaigns_folder_gives_a_traceback_or_other_numbers(
 def test_no_change_of_a_folder_of_results_gives_a_traceback(
     campaign: tuple[Path, Path, CampaignResult], tmp_path: Path
 ) -> None:
-    chosen = random.Random(SEED)  # noqa: S311
+    chosen = stream("results")
     runs = wmr_afl.run(campaign[0], "numpy", "AFL")
     files: list[Path] = []
     for number in range(ROUNDS):

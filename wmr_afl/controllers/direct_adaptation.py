@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.controllers.groups import Group, Rows, RowsOfGroups, inner
+from wmr_afl.controllers.groups import Group, Rows, RowsOfGroups, groups_of, inner
+from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault, Part
 
@@ -102,3 +103,15 @@ class DirectAdaptation(Part):
             "largest": arrays.vector(largest),
             "is_running": arrays.vector([usable]),
         }
+
+
+def guessed_inertia(model: Model, x: Floats, pi_hat: Floats, c: Floats) -> Floats:
+    """N0: the least diagonal entry of Delta^-1 Mbar in each group, of the guess, (..., groups)."""
+    n, count = model.coordinate_count, model.pseudo_velocity_count
+    diagonal = []
+    for j in range(count):
+        unit = np.broadcast_to(np.eye(count)[j], (*x.shape[:-1], count))
+        momentum = model.momentum_regressor(np.concatenate([x[..., :n], unit], axis=-1), c)
+        diagonal.append(np.sum(momentum[..., j, :] * pi_hat, axis=-1))
+    rows = np.stack(diagonal, axis=-1)
+    return np.stack([rows[..., list(group.rows)].min(axis=-1) for group in groups_of(model)], axis=-1)

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from wmr_afl.controllers.adaptation import AdaptationTable
+from wmr_afl.controllers.direct_adaptation import guessed_inertia
 from wmr_afl.controllers.groups import RowsOfGroups, groups_of
 from wmr_afl.controllers.outer_loop import OuterLoopTable
 from wmr_afl.controllers.projection import ProjectionTable
@@ -115,15 +116,3 @@ def box_around(guess: Floats, box: float) -> tuple[Floats, Floats]:
     size = box * spread_of(guess)
     ends = np.stack([guess / box, guess * box])
     return np.where(guess == 0.0, -size, ends.min(axis=0)), np.where(guess == 0.0, size, ends.max(axis=0))
-
-
-def guessed_inertia(model: Model, x: Floats, pi_hat: Floats, c: Floats) -> Floats:
-    """N0: the least diagonal entry of Delta^-1 Mbar in each group, of the guess, (..., groups)."""
-    n, count = model.coordinate_count, model.pseudo_velocity_count
-    diagonal = []
-    for j in range(count):
-        unit = np.broadcast_to(np.eye(count)[j], (*x.shape[:-1], count))
-        momentum = model.momentum_regressor(np.concatenate([x[..., :n], unit], axis=-1), c)
-        diagonal.append(np.sum(momentum[..., j, :] * pi_hat, axis=-1))
-    rows = np.stack(diagonal, axis=-1)
-    return np.stack([rows[..., list(group.rows)].min(axis=-1) for group in groups_of(model)], axis=-1)

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from wmr_afl.controllers.direct_adaptation import guessed_inertia
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.closed_loop import ClosedLoop
 
@@ -49,9 +50,12 @@ def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping
     truth = loop.law.knowledge.truth(numbers["p"])
     low = numbers.get("projection.lower", np.full(len(names), -np.inf))
     high = numbers.get("projection.upper", np.full(len(names), np.inf))
-    for name, true, lower, upper in zip(names, truth, low, high, strict=True):
-        if not lower <= true <= upper:
-            yield f"the bounds {lower:g} to {upper:g} exclude {name} = {true:.3g} of this robot; widen them"
+    outside = np.flatnonzero(~((low <= truth) & (truth <= high)))
+    if len(outside):
+        first = outside[0]
+        others = f" and the values of {', '.join(names[i] for i in outside[1:])}" if len(outside) > 1 else ""
+        excluded = f"{names[first]} = {truth[first]:.3g}{others}"
+        yield f"the bounds {low[first]:g} to {high[first]:g} exclude {excluded} of this robot; widen them"
     sizes, usual = np.abs(estimate).max(axis=0), np.maximum(np.abs(estimate[0]), np.abs(truth))
     worst = int(np.argmax(sizes / np.maximum(usual, np.abs(truth).max() * 1e-3)))
     if sizes[worst] > GROWN * max(usual[worst], np.abs(truth).max() * 1e-3):
@@ -62,8 +66,24 @@ def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping
         share = float(np.mean((late[:, index] <= low[index]) | (late[:, index] >= high[index])))
         if share > STUCK:
             yield f"the estimate of {name} lies at its bound in {share:.0%} of the last samples; widen its bounds"
+    if "direct.inertia" in numbers:
+        yield from _guessed_inertia(loop, signals, numbers, truth)
     if "adaptation.Gamma" in numbers:
         yield from _step_size(loop, signals, numbers)
+
+
+def _guessed_inertia(
+    loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats], truth: Floats
+) -> Iterator[str]:
+    """In steps of dt direct adaptation lessens the energy only if kappa dt N0/N < 2 - lambda dt."""
+    model = loop.model.in_library("numpy")
+    inertia = guessed_inertia(model, signals["x"][0], truth, numbers["c"])
+    times = float(np.max(numbers["direct.inertia"] / inertia))
+    step = loop.sample_time
+    speed, room = numbers["direct.gain"][0] * step * times, 2.0 - numbers["error.rate"][0] * step
+    if not speed < room:
+        figures = f"{times:.3g} times too large: {speed:.3g} is not below {room:.3g}"
+        yield f"the guess has an inertia {figures}; guess a smaller one, sample faster or lower the rate"
 
 
 def _step_size(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:

@@ -14,11 +14,12 @@ from tests.derive import descriptions
 from tests.derive.descriptions import AHEAD, derived, wheel
 from wmr_afl import load_model
 from wmr_afl.controllers import DirectAdaptation, Effort, Knowledge, LeastSquares, PassivityLaw
+from wmr_afl.controllers.direct_adaptation import guessed_inertia
 from wmr_afl.controllers.groups import RowsOfGroups, groups_of
 from wmr_afl.controllers.outer_loop import TrackingError, tracking_error
 from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.reference_model import ReferenceModel
-from wmr_afl.controllers.tables import box_around, guessed_inertia, spread_of
+from wmr_afl.controllers.tables import box_around, spread_of
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.laws import Situation
 from wmr_afl.model.model import Model

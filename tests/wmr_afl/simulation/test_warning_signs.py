@@ -5,7 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wmr_afl.controllers import GradientAdaptation, Knowledge, OuterLoop, Projection, TrackingLaw
+from wmr_afl.controllers import (
+    DirectAdaptation,
+    GradientAdaptation,
+    Knowledge,
+    OuterLoop,
+    PassivityLaw,
+    Projection,
+    TrackingLaw,
+)
+from wmr_afl.controllers.direct_adaptation import guessed_inertia
+from wmr_afl.controllers.groups import groups_of
 from wmr_afl.controllers.reference import Reference
 from wmr_afl.model.model import load_model
 from wmr_afl.plant import InputLimits, Plant
@@ -114,3 +124,20 @@ def test_an_adaptation_that_is_too_fast_for_its_samples_is_named(dense: bool) ->
         assert bool(found) == expected
         if expected:
             assert f"({factor * 0.5:.3g} 1/s, alpha is 0.5)" in found[0]
+
+
+@pytest.mark.parametrize(("times", "doubtful"), [(1.0, False), (80.0, False), (100.0, True)])
+def test_a_guess_of_far_too_much_inertia_is_named(times: float, doubtful: bool) -> None:
+    """kappa dt N0/N has to stay below 2 - lambda dt: here 1 /s, 20 ms, and 10 /s."""
+    pi = np.asarray(MODEL.passivity_parameters(P))
+    inertia = times * guessed_inertia(MODEL, np.zeros(5), pi, MODEL.known(P))
+    direct = DirectAdaptation(groups_of(MODEL), 1.0, inertia, np.abs(pi))
+    law = PassivityLaw(Knowledge(MODEL, MODEL.known(P), pi, "passivity_parameters"), 10.0, 1.0, direct=direct)
+    one = ClosedLoop(MODEL, Plant(MODEL, P, np.zeros(5)), law, Reference({"y1": "t", "y2": "0"}), 0.02)
+    found = signs(one, theta_hat=np.tile(pi, (700, 1)))
+    assert bool(found) == doubtful
+    if doubtful:
+        assert found == [
+            "the guess has an inertia 100 times too large: 2 is not below 1.8; "
+            "guess a smaller one, sample faster or lower the rate"
+        ]

@@ -28,9 +28,11 @@ from wmr_input.whole_files import MARK, remove_abandoned
 # No -ffast-math, which would drop NaN and reorder sums. A product and a sum may be fused: that rounds once instead of
 # twice. Nothing reads errno or floating point exceptions; the compiler has to know it to vectorize loops with
 # comparisons. Only loops over robots are to be vectorized: vectors of one robot's numbers make it twice as slow.
+# Partial redundancy elimination carries values from step to step, after which longer loops over robots are no longer
+# vectorized.
 FLAGS = (
     *("-O3", "-std=c11", "-fPIC", "-shared", "-w"),
-    *("-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math", "-fno-tree-slp-vectorize"),
+    *("-ffp-contract=fast", "-fno-math-errno", "-fno-trapping-math", "-fno-tree-slp-vectorize", "-fno-tree-pre"),
     *(
         ("-march=native", "-mprefer-vector-width=512")
         if platform.machine().lower() in ("x86_64", "amd64", "i686")

@@ -34,7 +34,7 @@ SAME = 1e-6  # of a sample time, by which clocks jitter: steps that differ less 
 LONGEST_STEP = 2.0  # sample times; the law's states move by no more at once
 LONGEST_GAP = 10.0  # sample times; after a longer gap nothing is learned from the sample before
 MEASURED = "fiuO"  # NumPy's types of what is measured: no truth values, no text
-UNSOUND = "measure again; if Dhat is singular, bound the estimates"
+UNSOUND = "measure again; if it is Dhat, bound the estimates, else keep away from there"
 LATEST = 1e11  # [s], some 3000 years: beyond, the clock counts something else than seconds
 
 
@@ -44,7 +44,8 @@ class Controller(Fixed):
     `reference` is followed at the times that `update` is given; `sample_time` [s] is the time between two updates that
     the gains were chosen for. Time that really passed moves estimates and other states, up to two sample times at once.
     After a gap of more than `max_gap` [s], ten sample times unless given, voltages are computed as ever, but the states
-    stay as they are for that sample: nobody knows what happened in between.
+    stay as they are for that sample: nobody knows what happened in between. Parts that compare a sample with the last
+    one, as least squares and a reference model, then begin again.
 
     `drive`: what the robot's drive does to a command, such as limits and a delay: what has no memory is done to the
     voltages that are returned, and all of it is taken into account by a law that looks at the applied input.
@@ -79,6 +80,8 @@ class Controller(Fixed):
         self._inputs, self._size = len(model.input_units), len(model.state_units)
         self._layout = Layout(disjoint(law.states, self.drive.states))
         self._start = self._layout.pack(disjoint(law.states, self.drive.states))
+        places = (place for name, place in self._layout.places.items() if name.endswith(".is_running"))
+        self._restarts = [index for place in places for index in range(place.start, place.stop)]
         self._usual = (1.0 - SAME) * self.sample_time, (1.0 + SAME) * self.sample_time
         self._given, self._t, self._out = np.zeros(self._size + 1), np.zeros(1), np.zeros(self._inputs + 2)
         self._x, self._step_given = self._given[:-1], self._given[-1:]
@@ -106,8 +109,8 @@ class Controller(Fixed):
 
         Raises:
             ShapeError: if x or t does not fit.
-            SimulationError: if Dhat is singular, something is not finite, or time goes back; the controller then stays
-                as it was.
+            SimulationError: if what is inverted is singular, something is not finite, or time goes back; the
+                controller then stays as it was.
         """
         measured = x if type(x) is np.ndarray and x.dtype == np.float64 else real_numbers("x", x, kinds=MEASURED)
         if measured.shape != (self._size,):
@@ -122,8 +125,12 @@ class Controller(Fixed):
             is_sound = self._out[-1] > 0.0 and isfinite(self._out[-2])
             if step == 0.0 or not is_sound:
                 self._now[:] = self._before
+            if step == 0.0 and passed > self.max_gap:
+                self._now[self._restarts] = 0.0
             if not is_sound:
-                problem = f"at t = {t} s Dhat is singular, or x, t or what follows from them is not finite"
+                problem = (
+                    f"at t = {t} s what has to be inverted is singular, or x, t or what follows from them is not finite"
+                )
                 raise SimulationError(problem, UNSOUND)
             self._clock[0] = time
             return self._out[:-2].copy()

@@ -31,6 +31,8 @@ def cause(loop: ClosedLoop, t: float, signals: Mapping[str, Floats], numbers: Ma
         return "the output is not finite there"
     if not signals["regularity"][0] > 0.0:
         when = " at the start" if t == 0.0 else ""
+        if "error.rate" in numbers:  # a law that inverts no estimate
+            return f"the output map E or the allocation R is singular{when}; {KEEP_AWAY}"
         return f"{SINGULAR.format('estimated ' if adapts else '')}{when}; {BOUND if adapts else KEEP_AWAY}"
     return f"the input is not finite: the loop diverged; {_remedy(loop, numbers)}"
 

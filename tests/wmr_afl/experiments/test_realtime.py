@@ -23,7 +23,14 @@ from wmr_afl.experiments import realtime
 
 @pytest.mark.parametrize(
     ("experiment", "name"),
-    [("study_1", "AFL"), ("study_2", "AFL with leakage"), ("study_2", "robust AFL"), ("track_mecanum", "AFL")],
+    [
+        ("study_1", "AFL"),
+        ("study_2", "AFL with leakage"),
+        ("study_2", "robust AFL"),
+        ("track_mecanum", "AFL"),
+        ("track_car", "composite"),
+        ("track_mecanum", "direct"),
+    ],
 )
 @pytest.mark.parametrize("has_compiler", [True, False])
 def test_it_gives_the_simulators_inputs(
@@ -49,6 +56,23 @@ def test_after_a_reset_it_starts_again() -> None:
     controller.reset()
     second = [controller.update(0.02 * k, [15.0, 25.0, 0.1, 0.2, 0.0]) for k in range(5)]
     np.testing.assert_array_equal(first, second)
+
+
+def test_after_a_gap_nothing_is_learned_from_the_sample_before() -> None:
+    """The composite law compares a sample with the last one; it begins again, and its estimates stay for a while."""
+    run = wmr_afl.run("track_mecanum", controllers="composite")["composite"]
+    controller = Controller.from_experiment("track_mecanum", "composite")
+    for k in range(200):
+        controller.update(run.time[k], run.state[k])
+    kept = controller.estimate
+    later = run.time + 3.0
+    for k in (200, 201):
+        controller.update(later[k], run.state[k] + 0.3)
+        np.testing.assert_allclose(controller.estimate, kept, rtol=1e-3)
+    assert controller.state_dict()["least_squares.is_running"] == [1.0]
+    for k in range(202, 210):
+        controller.update(later[k], run.state[k] + 0.3)
+    assert np.all(np.isfinite(controller.estimate))
 
 
 def test_its_memory_does_not_grow() -> None:

@@ -106,11 +106,14 @@ class DirectAdaptation(Part):
 
 
 def guessed_inertia(model: Model, x: Floats, pi_hat: Floats, c: Floats) -> Floats:
-    """N0: the least diagonal entry of Delta^-1 Mbar in each group, of the guess, (..., groups)."""
+    """N0: the least diagonal entry of Delta^-1 L^-1 Mbar L^-T in each group, of the guess, (..., groups)."""
     n, count = model.coordinate_count, model.pseudo_velocity_count
     diagonal = []
     for j in range(count):
         unit = np.broadcast_to(np.eye(count)[j], (*x.shape[:-1], count))
+        if model.has("row_map"):
+            transposed = np.swapaxes(model.row_map(x[..., :n], c), -1, -2)
+            unit = np.linalg.solve(transposed, unit[..., None])[..., 0]
         momentum = model.momentum_regressor(np.concatenate([x[..., :n], unit], axis=-1), c)
         diagonal.append(np.sum(momentum[..., j, :] * pi_hat, axis=-1))
     rows = np.stack(diagonal, axis=-1)

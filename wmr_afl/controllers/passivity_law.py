@@ -127,7 +127,7 @@ class PassivityLaw(Law):
         q, v = x[:n], x[n:]
         E, E_rate = model.output_map(q, k.c), model.output_map_rate(x, k.c)
         from_reference = tracking_error(x, k.c, reference, model)
-        d = self.reference_model.distance(from_reference, z.reference_model)
+        d = self.reference_model.distance(from_reference, z.reference_model, k.reference_model, arrays, step)
         error, wanted = self.reference_model.seen_from(from_reference, d, reference, k.reference_model, model)
         v_r = solve(E, wanted.velocity - rate * error.e, arrays)
         s = v - v_r
@@ -173,7 +173,7 @@ class PassivityLaw(Law):
         distance: TrackingError = known["distance"]
         following = {
             "theta_hat": known["theta_hat"],
-            **prefixed("reference_model", self.reference_model.update(distance, k.reference_model, arrays, step)),
+            **prefixed("reference_model", self.reference_model.update(distance, arrays)),
         }
         if self.direct is not None:
             seen = self.direct.update(known["regressor"], known["is_free"], z.direct, k.direct, arrays)

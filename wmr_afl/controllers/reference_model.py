@@ -44,11 +44,15 @@ class ReferenceModel(Part):
             lambda k: (f"the rate of the reference model is {k.rate[0]:g}", "choose a positive number [1/s]"),
         )
 
-    def distance(self, error: TrackingError, z: SimpleNamespace) -> TrackingError:
-        """d and d' at this sample; they begin with the first error."""
-        begins = 1.0 - z.is_running[0]
+    def distance(
+        self, error: TrackingError, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays, step: Array
+    ) -> TrackingError:
+        """d and d' at this sample, `step` after the last one; they begin with the first error."""
+        r, runs = k.rate[0], z.is_running[0]
+        fading, moved = arrays.exp(-r * step), z.distance_rate + r * z.distance
         return TrackingError(
-            begins * error.e + z.is_running[0] * z.distance, begins * error.e_dot + z.is_running[0] * z.distance_rate
+            (1.0 - runs) * error.e + runs * fading * (z.distance + step * moved),
+            (1.0 - runs) * error.e_dot + runs * fading * (z.distance_rate - r * step * moved),
         )
 
     def seen_from(
@@ -64,12 +68,6 @@ class ReferenceModel(Part):
         )
         return TrackingError(shorter_way(error.e - d.e, reference, model), error.e_dot - d.e_dot), wanted
 
-    def update(self, d: TrackingError, k: SimpleNamespace, arrays: Arrays, step: Array) -> dict[str, Array]:
-        """d and d' one sample later."""
-        r = k.rate[0]
-        fading, moved = arrays.exp(-r * step), d.e_dot + r * d.e
-        return {
-            "distance": fading * (d.e + step * moved),
-            "distance_rate": fading * (d.e_dot - r * step * moved),
-            "is_running": arrays.vector([1.0]),
-        }
+    def update(self, d: TrackingError, arrays: Arrays) -> dict[str, Array]:
+        """The states one sample later."""
+        return {"distance": d.e, "distance_rate": d.e_dot, "is_running": arrays.vector([1.0])}

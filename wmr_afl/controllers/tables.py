@@ -24,6 +24,7 @@ LINEARIZING = ("outer_loop", "adaptation", "projection", "robust")  # keys of th
 PASSIVE = ("rate", "learning", "limit")  # keys of the others only
 FASTEST = 15.0  # [1/s] of the loop, unless a rate is given: what is measured and modelled is seldom good beyond
 SHARE = 0.3  # of 1/(sample time)
+SHARE_OF_DELAY = 0.25  # of 1/delay
 SLOWER = 10.0  # times is the reference model slower than the loop
 
 
@@ -68,9 +69,9 @@ class ControllerTable(Table):
         """The generated function whose values are estimated."""
         return "base_parameters" if self.law == "linearizing" else "passivity_parameters"
 
-    def rates(self, sample_time: float) -> tuple[float, float]:
-        """Of loop and reference model [1/s]."""
-        rate = self.rate or min(SHARE / sample_time, FASTEST)
+    def rates(self, sample_time: float, delay: float) -> tuple[float, float]:
+        """Of loop and reference model [1/s], for a drive that is `delay` [s] late."""
+        rate = self.rate or min(SHARE / sample_time, FASTEST, SHARE_OF_DELAY / delay if delay else FASTEST)
         return rate, self.reference_rate or rate / SLOWER
 
     def rules(self, model: Model) -> Rules:

@@ -80,7 +80,9 @@ class TrackingLaw(Law):
         """The command at the measured state x, (25), (27), (74)."""
         error, memory = tracking_error(x, k.c, reference, model), dict[str, Any]()
         if self.reference_model is not None:
-            memory["distance"] = self.reference_model.distance(error, z.reference_model)
+            memory["distance"] = self.reference_model.distance(
+                error, z.reference_model, k.reference_model, model.arrays, step
+            )
             error, reference = self.reference_model.seen_from(
                 error, memory["distance"], reference, k.reference_model, model
             )
@@ -132,6 +134,6 @@ class TrackingLaw(Law):
             robust = self.robust.update(v, filtered_error, z.robust, k.robust, model.arrays, step)
             following |= prefixed(self.robust.name, robust)
         if self.reference_model is not None:
-            moved = self.reference_model.update(action.memory["distance"], k.reference_model, model.arrays, step)
+            moved = self.reference_model.update(action.memory["distance"], model.arrays)
             following |= prefixed(self.reference_model.name, moved)
         return following

@@ -38,6 +38,8 @@ from wmr_afl.plant.uncertainty import Surroundings
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_input.errors import mistakes_at
 
+FEWEST = 10.0  # samples in the memory of least squares
+
 
 def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:
     """The closed loop of every controller of the experiment in `file`.
@@ -119,6 +121,8 @@ class _Assembly:
             return self.experiment.place(name, key)
 
         foreign = PASSIVE if table.law == "linearizing" else LINEARIZING
+        if table.law == "frozen":
+            foreign = (*foreign, "learning")
         for key in foreign:
             if key in self.experiment.controllers[name].model_fields_set:
                 with self.at(place(key)):
@@ -129,6 +133,7 @@ class _Assembly:
             for parameter in table.guess:
                 if parameter in self.model.known_units:
                     raise WmrError(f"the controller knows {parameter}", "guess uncertain parameters")
+            check_robots(self.model, self.experiment.start, self.model.replaced(self.parameters, table.guess))
         build = self._linearizing if table.law == "linearizing" else self._passivity
         return build(name, table, place)
 
@@ -167,7 +172,13 @@ class _Assembly:
                 prior = numbers["least_squares.prior"], numbers["least_squares.spread"]
                 numbers_given = (learning.noise, learning.filter, learning.memory)
                 least_squares = LeastSquares(groups, len(model.input_units), *prior, *numbers_given)
-        rates = table.rates(self.experiment.simulation.sample_time)
+        step, late = self.experiment.simulation.sample_time, self.experiment.uncertainties.input_delay
+        with self.at(place("learning")):
+            if table.law == "composite" and learning.memory < FEWEST * step:
+                raise WmrError(
+                    f"memory = {learning.memory:g} s is no window of samples", f"choose {FEWEST * step:g} or more"
+                )
+        rates = table.rates(step, 0.0 if late is None else late.seconds)
         with self.at(f"[controllers.{name}]"):
             return PassivityLaw(knowledge, *rates, effort, direct, least_squares, projection)
 

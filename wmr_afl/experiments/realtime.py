@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.law import Law
 from wmr_afl.controllers.reference import Reference
+from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.errors import CompilerError, ShapeError, SimulationError, WmrError
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.model import Model
@@ -31,6 +32,7 @@ from wmr_afl.simulation.layout import Layout
 from wmr_input.errors import plain, shown
 
 SAME = 1e-6  # of a sample time, by which clocks jitter: steps that differ less are a sample time, as in the simulator
+STALE = 1.5  # sample times; after a longer step nothing is learned by comparing a sample with the one before
 LONGEST_STEP = 2.0  # sample times; the law's states move by no more at once
 LONGEST_GAP = 10.0  # sample times; after a longer gap nothing is learned from the sample before
 MEASURED = "fiuO"  # NumPy's types of what is measured: no truth values, no text
@@ -80,13 +82,15 @@ class Controller(Fixed):
         self._inputs, self._size = len(model.input_units), len(model.state_units)
         self._layout = Layout(disjoint(law.states, self.drive.states))
         self._start = self._layout.pack(disjoint(law.states, self.drive.states))
-        places = (place for name, place in self._layout.places.items() if name.endswith(".is_running"))
-        self._restarts = [index for place in places for index in range(place.start, place.stop)]
+        places = {name: place for name, place in self._layout.places.items() if name.endswith(".is_running")}
+        self._restarts = [place.start for place in places.values()]
+        self._comparing = [place.start for name, place in places.items() if not name.startswith(ReferenceModel.name)]
         self._usual = (1.0 - SAME) * self.sample_time, (1.0 + SAME) * self.sample_time
         self._given, self._t, self._out = np.zeros(self._size + 1), np.zeros(1), np.zeros(self._inputs + 2)
         self._x, self._step_given = self._given[:-1], self._given[-1:]
         self._now, self._before, self._run = self._compiled_if_possible(self._traced())
         self._lock, self._clock = threading.Lock(), [-inf]  # time of the last update [s]
+        self._last, self._recent = self._start.copy(), [0.0]  # the states and the step of the last update
 
     @classmethod
     @checked
@@ -105,7 +109,7 @@ class Controller(Fixed):
     def update(self, t: float, x: ArrayLike) -> Floats:
         """The voltages (n_u,) at time t [s] for the measured state x (2n-m,).
 
-        A second call at the same time is no new sample: it gives voltages and changes nothing.
+        A second call at the same time is no new sample: for the same x it gives the same voltages, and changes nothing.
 
         Raises:
             ShapeError: if x or t does not fit.
@@ -120,17 +124,26 @@ class Controller(Fixed):
         with self._lock:
             passed = time - self._clock[0]
             step = self.sample_time if self._usual[0] < passed < self._usual[1] else self._step(time, passed)
+            kept = None
+            if passed == 0.0:  # the same sample again: from where it was computed
+                kept, step = self._now.copy(), self._recent[0]
+                self._now[:] = self._last
+            elif STALE * self.sample_time < passed < inf:
+                self._now[self._comparing] = 0.0
             self._x[:], self._step_given[0], self._t[0], self._before[:] = measured, step, time, self._now
             self._run()
             is_sound = self._out[-1] > 0.0 and isfinite(self._out[-2])
-            if step == 0.0 or not is_sound:
+            if kept is not None:
+                self._now[:] = kept
+            elif not is_sound:
                 self._now[:] = self._before
-            if step == 0.0 and passed > self.max_gap:
-                self._now[self._restarts] = 0.0
+            else:
+                self._last[:], self._recent[0] = self._before, step
+                if step == 0.0:
+                    self._now[:] = self._before
+                    self._now[self._restarts] = 0.0
             if not is_sound:
-                problem = (
-                    f"at t = {t} s what has to be inverted is singular, or x, t or what follows from them is not finite"
-                )
+                problem = f"at t = {t} s what is inverted is singular, or x, t or what follows is not finite"
                 raise SimulationError(problem, UNSOUND)
             self._clock[0] = time
             return self._out[:-2].copy()
@@ -167,11 +180,13 @@ class Controller(Fixed):
                     raise ShapeError(f"state {name} is {shown(value)}", remedy)
                 following[name] = numbers
             self._now[:] = self._layout.pack(following)
+            self._last[:], self._recent[0] = self._now, 0.0
 
     def reset(self) -> None:
         """Back to the first estimate, and to a clock that has not started."""
         with self._lock:
             self._now[:], self._clock[0] = self._start, -inf
+            self._last[:] = self._start
 
     def __reduce__(self) -> tuple[Callable[..., Controller], tuple[Any, ...]]:
         """A copy is a controller of its own, in the same state."""

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from wmr_afl.errors import ShapeError, WmrError
 from wmr_afl.model.model import Model
+from wmr_afl.model.plausibility import check_robots
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.rules import Rules
 from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
@@ -31,7 +32,9 @@ class PayloadTable(UncertaintyTable):
             if name in model.known_units:
                 problem = f"{name} is a known constant, not part of the payload"
                 raise WmrError(problem, "change uncertain parameters")
-        return PayloadChange(model, self.time, model.replaced(surroundings.parameters, self.parameters))
+        loaded = model.replaced(surroundings.parameters, self.parameters)
+        check_robots(model, {}, loaded)
+        return PayloadChange(model, self.time, loaded)
 
     def rules(self, model: Model) -> Rules:
         return {"parameters": lambda n: model.replaced(n["p"], self.parameters)}

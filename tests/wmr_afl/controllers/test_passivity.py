@@ -12,7 +12,7 @@ import wmr_afl
 from tests.conftest import ROBOTS
 from tests.derive import descriptions
 from tests.derive.descriptions import AHEAD, derived, wheel
-from wmr_afl import load_model
+from wmr_afl import WmrError, load_model
 from wmr_afl.controllers import DirectAdaptation, Effort, Knowledge, LeastSquares, PassivityLaw
 from wmr_afl.controllers.direct_adaptation import guessed_inertia
 from wmr_afl.controllers.groups import RowsOfGroups, groups_of
@@ -21,6 +21,7 @@ from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.tables import box_around, spread_of
 from wmr_afl.experiments.load import load_experiment
+from wmr_afl.model.laws import LAWS as MODEL_LAWS
 from wmr_afl.model.laws import Situation
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import NUMPY, Floats
@@ -145,7 +146,7 @@ def sliding(loop: ClosedLoop, x: Floats, t: float, states: dict[str, Floats]) ->
     k, z, n, c = by_part(law.values), by_part(states), model.coordinate_count, law.knowledge.known
     reference = loop.reference.at(t)
     error = tracking_error(x, c, reference, model)
-    d = law.reference_model.distance(error, z.reference_model)
+    d = law.reference_model.distance(error, z.reference_model, k.reference_model, NUMPY, loop.sample_time)
     error, wanted = law.reference_model.seen_from(error, d, reference, k.reference_model, model)
     v_r = np.linalg.solve(model.output_map(x[:n], c), wanted.velocity - k.error.rate[0] * error.e)
     return x[n:] - v_r
@@ -262,9 +263,8 @@ def test_the_reference_model_comes_to_the_reference_exactly(step: float) -> None
     z, samples = SimpleNamespace(**part.states), 8
     first, later = TrackingError(d0, d1), TrackingError(np.full(2, 9.0), np.full(2, 9.0))
     for i in range(samples + 1):
-        d = part.distance(first if i == 0 else later, z)
-        if i < samples:
-            z = SimpleNamespace(**part.update(d, k, NUMPY, step))
+        d = part.distance(first if i == 0 else later, z, k, NUMPY, step)
+        z = SimpleNamespace(**part.update(d, NUMPY))
     t = samples * step
     np.testing.assert_allclose(d.e, (d0 + (d1 + 3.0 * d0) * t) * np.exp(-3.0 * t), rtol=1e-10, atol=1e-14)
     slope = (d1 - 3.0 * (d1 + 3.0 * d0) * t) * np.exp(-3.0 * t)
@@ -363,19 +363,51 @@ def test_a_batch_of_guesses_is_as_many_runs(law: str, tmp_path: Path) -> None:
 UNEVEN = {"K1_l": (7.0, "N m/V"), "K1_r": (6.0, "N m/V")}
 
 
-def uneven(known: str) -> str:
+def uneven(known: str = "", swapped: bool = False) -> str:
     """A differential drive whose motors differ."""
-    motors = ['\n[[motors]]\ninput = "u_l"\ndrives = "left"\ntorque_gain = "K1_l"\nback_emf = "c"\n',
-              '\n[[motors]]\ninput = "u_r"\ndrives = "right"\ntorque_gain = "K1_r"\nback_emf = "c"\n']  # fmt: skip
-    parts = [wheel("left", at=("0", "b")), wheel("right", at=("0", "-b")), *motors]
+    motors = [
+        f'[[motors]]\ninput = "u_{side}"\ndrives = "{wheel}"\ntorque_gain = "K1_{side}"\nback_emf = "c"\n'
+        for side, wheel in (("l", "left"), ("r", "right"))
+    ]
+    parts = [wheel("left", at=("0", "b")), wheel("right", at=("0", "-b")), *(motors[::-1] if swapped else motors)]
     text = descriptions.robot(*parts, outputs=AHEAD, parameters=UNEVEN)
-    return text.replace("\n[parameters]", f"\nknown = [{known}]\n[parameters]", 1) if known else text
+    return f'known = ["{known}"]\n{text}' if known else text
 
 
 def test_motors_of_unequal_gain_need_a_known_distance(tmp_path: Path) -> None:
     """Otherwise there is no such form, and the obstacle names what would have to be known."""
-    model = load_model(derived(uneven(""), tmp_path))
+    model = load_model(derived(uneven(), tmp_path))
     assert not model.has("passivity_regressor")
-    obstacle = model.metadata["passivity_obstacle"]
-    assert "list " in obstacle
-    assert "b" in obstacle.split("list ")[1].split(" in ")[0].split(" or ")
+    assert "list b in `known`" in model.metadata["passivity_obstacle"]
+    with pytest.raises(WmrError, match="admits no composite law: motors of unequal gain"):
+        wmr_afl.run(written(tmp_path, UNEVEN_RUN.format(robot=tmp_path / "small")))
+
+
+UNEVEN_RUN = """
+title = "Motors that differ"
+robot = "{robot}"
+reference = {{ expressions = {{ y1 = "0.4 + 0.5*t + 0.2*sin(t)", y2 = "0.4*cos(0.7*t) - 0.4" }} }}
+simulation = {{ duration = 30.0, sample_time = 0.02, integrator = "rk4" }}
+shared = {{ guess = {{ m = 30.0, K1_l = 5.0, K1_r = 8.0 }}, reference_rate = 2.0 }}
+controllers.composite = {{ law = "composite" }}
+controllers.frozen = {{ law = "frozen" }}
+"""
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_motors_of_unequal_gain_are_adapted_in_any_order(swapped: bool, tmp_path: Path) -> None:
+    """Rows are those of the motors then, and so is the inertia that sets the gain."""
+    folder = derived(uneven("b", swapped), tmp_path)
+    situation = Situation(folder)
+    laws = [law for law in MODEL_LAWS if law.applies(situation.numpy)]
+    assert [law.name for law in laws if not law.deviation(situation) <= law.tolerance] == []
+    model, p = situation.numpy, situation.numpy.parameters()
+    assert model.has("row_map")
+    inertia = guessed_inertia(model, np.zeros(5), np.asarray(model.passivity_parameters(p)), model.known(p))
+    q, c = np.zeros(3), model.known(p)
+    inverse = np.linalg.inv(model.row_map(q, c))
+    gains = np.array([7.0, 6.0])[::-1] if swapped else np.array([7.0, 6.0])
+    np.testing.assert_allclose(inertia, np.diag(inverse @ model.inertia_matrix(q, p) @ inverse.T) / (gains / 0.1), rtol=1e-9)
+    runs = wmr_afl.run(written(tmp_path, UNEVEN_RUN.format(robot=folder)), backend="casadi")
+    errors = {law: np.linalg.norm(run.rms(since=15.0)) for law, run in runs.items()}
+    assert errors["composite"] < 0.1 * errors["frozen"]

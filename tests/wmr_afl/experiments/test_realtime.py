@@ -58,6 +58,30 @@ def test_after_a_reset_it_starts_again() -> None:
     np.testing.assert_array_equal(first, second)
 
 
+@pytest.mark.parametrize("name", ["exact", "AFL", "composite", "direct"])
+def test_a_second_call_at_the_same_time_gives_the_same_voltages(name: str) -> None:
+    """And changes nothing; another state at that time gives others."""
+    run = wmr_afl.run("track_mecanum", controllers=name)[name]
+    controller = Controller.from_experiment("track_mecanum", name)
+    for k in range(30):
+        first = controller.update(run.time[k], run.state[k])
+        before = controller.state_dict()
+        np.testing.assert_array_equal(controller.update(run.time[k], run.state[k]), first)
+        assert np.any(controller.update(run.time[k], run.state[k] + 0.01) != first)
+        assert controller.state_dict() == before
+
+
+def test_a_reference_model_goes_by_the_time_that_passed() -> None:
+    """Whatever the steps between, the distance has faded as far."""
+    x, ends = np.array([0.5, -0.3, 0.2, 0.0, 0.0, 0.0]), []
+    for times in (np.arange(0.0, 0.41, 0.02), np.cumsum([0.0, *([0.005, 0.035] * 10)])):
+        controller = Controller.from_experiment("track_mecanum", "exact")
+        for t in times:
+            controller.update(float(t), x)
+        ends.append(controller.state_dict()["reference_model.distance"])
+    np.testing.assert_allclose(ends[0], ends[1], rtol=1e-9)
+
+
 def test_after_a_gap_nothing_is_learned_from_the_sample_before() -> None:
     """The composite law compares a sample with the last one; it begins again, and its estimates stay for a while."""
     run = wmr_afl.run("track_mecanum", controllers="composite")["composite"]

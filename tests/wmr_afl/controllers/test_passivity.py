@@ -407,7 +407,9 @@ def test_motors_of_unequal_gain_are_adapted_in_any_order(swapped: bool, tmp_path
     q, c = np.zeros(3), model.known(p)
     inverse = np.linalg.inv(model.row_map(q, c))
     gains = np.array([7.0, 6.0])[::-1] if swapped else np.array([7.0, 6.0])
-    np.testing.assert_allclose(inertia, np.diag(inverse @ model.inertia_matrix(q, p) @ inverse.T) / (gains / 0.1), rtol=1e-9)
+    np.testing.assert_allclose(
+        inertia, np.diag(inverse @ model.inertia_matrix(q, p) @ inverse.T) / (gains / 0.1), rtol=1e-9
+    )
     runs = wmr_afl.run(written(tmp_path, UNEVEN_RUN.format(robot=folder)), backend="casadi")
     errors = {law: np.linalg.norm(run.rms(since=15.0)) for law, run in runs.items()}
     assert errors["composite"] < 0.1 * errors["frozen"]

@@ -25,13 +25,14 @@ PASSIVE = ("rate", "learning", "limit")  # keys of the others only
 FASTEST = 15.0  # [1/s] of the loop, unless a rate is given: what is measured and modelled is seldom good beyond
 SHARE = 0.3  # of 1/(sample time)
 SHARE_OF_DELAY = 0.25  # of 1/delay
+KAPPA = {"composite": 5.0, "direct": 20.0}  # [1/s], less beside least squares
 SLOWER = 10.0  # times is the reference model slower than the loop
 
 
 class LearningTable(Table):
     """How the composite and the direct law learn; every number has a default that needs no tuning."""
 
-    gain: Positive | None = None  # kappa of the direct adaptation [1/s]: 5 beside least squares, else 20
+    gain: Positive | None = None  # kappa of the direct adaptation [1/s]
     noise: Positive = 0.05  # r [V s^1/2]: what the equation of motion leaves unexplained
     filter: Positive = 0.1  # tau [s]
     memory: Positive = 200.0  # T [s]

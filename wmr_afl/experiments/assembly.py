@@ -23,7 +23,7 @@ from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Reference, ReferenceTable
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
-from wmr_afl.controllers.tables import LINEARIZING, PASSIVE, ControllerTable
+from wmr_afl.controllers.tables import KAPPA, LINEARIZING, PASSIVE, ControllerTable
 from wmr_afl.controllers.tracking_law import TrackingLaw
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import Experiment
@@ -163,7 +163,7 @@ class _Assembly:
         with self.at(place("guess" if table.guess else "estimate")):
             direct = least_squares = projection = None
             if table.law != "frozen":
-                gain = learning.gain or (5.0 if table.law == "composite" else 20.0)
+                gain = learning.gain or KAPPA[table.law]
                 direct = DirectAdaptation(groups, gain, numbers["direct.inertia"], numbers["direct.spread"])
                 projection = Projection(
                     len(knowledge.theta_hat), numbers["projection.lower"], numbers["projection.upper"]

@@ -124,23 +124,21 @@ class Controller(Fixed):
         with self._lock:
             passed = time - self._clock[0]
             step = self.sample_time if self._usual[0] < passed < self._usual[1] else self._step(time, passed)
-            kept = None
-            if passed == 0.0:  # the same sample again: from where it was computed
-                kept, step = self._now.copy(), self._recent[0]
+            kept, is_again = self._now.copy(), passed == 0.0
+            if is_again:  # the same sample, from where it was computed
+                step = self._recent[0]
                 self._now[:] = self._last
             elif STALE * self.sample_time < passed < inf:
                 self._now[self._comparing] = 0.0
             self._x[:], self._step_given[0], self._t[0], self._before[:] = measured, step, time, self._now
             self._run()
             is_sound = self._out[-1] > 0.0 and isfinite(self._out[-2])
-            if kept is not None:
+            if is_again or not is_sound:
                 self._now[:] = kept
-            elif not is_sound:
-                self._now[:] = self._before
             else:
                 self._last[:], self._recent[0] = self._before, step
-                if step == 0.0:
-                    self._now[:] = self._before
+                if step == 0.0:  # a gap
+                    self._now[:] = kept
                     self._now[self._restarts] = 0.0
             if not is_sound:
                 problem = f"at t = {t} s what is inverted is singular, or x, t or what follows is not finite"

@@ -82,6 +82,17 @@ def test_a_reference_model_goes_by_the_time_that_passed() -> None:
     np.testing.assert_allclose(ends[0], ends[1], rtol=1e-9)
 
 
+def test_a_late_sample_that_is_not_sound_changes_nothing() -> None:
+    run = wmr_afl.run("track_mecanum", controllers="composite")["composite"]
+    controller = Controller.from_experiment("track_mecanum", "composite")
+    for k in range(5):
+        controller.update(run.time[k], run.state[k])
+    before = controller.state_dict()
+    with pytest.raises(SimulationError):
+        controller.update(run.time[4] + 0.1, np.full(6, np.nan))
+    assert controller.state_dict() == before
+
+
 def test_after_a_gap_nothing_is_learned_from_the_sample_before() -> None:
     """The composite law compares a sample with the last one; it begins again, and its estimates stay for a while."""
     run = wmr_afl.run("track_mecanum", controllers="composite")["composite"]

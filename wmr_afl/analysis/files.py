@@ -105,6 +105,7 @@ def columns(run: Run) -> list[str]:
         *_named("reference_", model.output_units),
         *_named("error_", model.output_units),
         *_named("estimate_", run.estimate_units),
+        *(() if run.deviation is None else _named("deviation_", run.estimate_units)),
     ]
 
 
@@ -116,6 +117,7 @@ def _lines(run: Run) -> Iterator[str]:
         table = np.hstack([
             run.time[part, None], run.state[part], run.input[part], run.command[part],
             run.reference[part], run.error[part], run.estimate[part],
+            *(() if run.deviation is None else (run.deviation[part],)),
         ])  # fmt: skip
         yield from (",".join(map(repr, row)) + "\n" for row in table.tolist())
 

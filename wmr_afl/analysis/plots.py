@@ -24,6 +24,7 @@ Runs = Mapping[str, Run]  # by the name of the controller
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 STYLES = ("-", "--", "-.", ":")  # dashes distinguish runs in black and white
 REFERENCE: dict[str, Any] = {"color": "0.55", "linewidth": 2.5, "linestyle": "-", "zorder": 1}  # below the runs
+LONGEST = 34  # characters of a formula above a panel
 SETTINGS: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.grid": True,
@@ -110,6 +111,23 @@ def draw_inputs(axes: Axes, run: Run) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=4, borderaxespad=0.2)
 
 
+def draw_estimate(axes: Axes, run: Run, index: int) -> None:
+    """One estimate with a band of one standard deviation to each side, and what was true at the start, dotted."""
+    names, units = zip(*run.estimate_units.items(), strict=True)
+    colour, estimate = COLOURS[index % len(COLOURS)], run.estimate[:, index]
+    true = getattr(run.model.in_library("numpy"), run.estimated)(run.parameters)[index]
+    if run.deviation is not None:
+        half = run.deviation[:, index]
+        axes.fill_between(run.time, estimate - half, estimate + half, color=colour, alpha=0.2, linewidth=0.0)
+    axes.plot(run.time, estimate, color=colour)
+    axes.axhline(true, color="black", linestyle=":", linewidth=1.0)
+    formula = run.model.formulas_of(run.estimated)[names[index]]
+    formula = formula.replace("**", "^")
+    short = formula if len(formula) <= LONGEST else formula[: LONGEST - 3] + "..."
+    axes.set_title(f"{_pretty(names[index])} = {verbatim(short)}", loc="left", fontsize=8)
+    axes.set(ylabel=f"[{units[index]}]")
+
+
 def draw_estimates(axes: Axes, run: Run, true_values: np.ndarray | None = None) -> None:
     """All estimates of one run over time; the true values, if given, are dotted."""
     for index, name in enumerate(run.estimate_units):
@@ -154,11 +172,32 @@ def overview(runs: Runs, title: str) -> dict[str, Figure]:
             axes.label_outer()
         for name, run in runs.items():
             if run.estimate.size and np.ptp(run.estimate, axis=0).any():
-                figures[f"estimates_{name}"] = new_figure(7.0, 3.2)
-                draw_estimates(figures[f"estimates_{name}"].subplots(), run)
+                figures[f"estimates_{name}"] = _estimates(run)
         for figure in figures.values():
             figure.suptitle(verbatim(title), fontsize=10)
     return figures
+
+
+def _estimates(run: Run) -> Figure:
+    """All estimates in one panel, or one each if they have bands."""
+    if run.deviation is None:
+        figure = new_figure(7.0, 3.2)
+        draw_estimates(figure.subplots(), run)
+        return figure
+    count = run.estimate.shape[1]
+    columns = min(3, count)
+    rows = -(-count // columns)
+    figure = new_figure(3.0 * columns, 0.9 + 1.5 * rows)
+    panels = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for index, axes in enumerate(panels[:count]):
+        draw_estimate(axes, run, index)
+    for axes in panels[count:]:
+        axes.remove()
+    for axes in panels[max(0, count - columns) : count]:
+        axes.set_xlabel("time [s]")
+        axes.tick_params(labelbottom=True)
+    figure.supxlabel("band: one standard deviation to each side; dotted: the robot at the start", fontsize=8)
+    return figure
 
 
 def verbatim(text: str) -> str:
@@ -177,6 +216,6 @@ def _outputs(runs: Runs) -> tuple[list[str], list[str]]:
 
 
 def _pretty(name: str) -> str:
-    """theta3 -> a Greek letter with its index."""
+    """theta3, pi3 -> a Greek letter with its index."""
     head = name.rstrip("0123456789")
-    return rf"$\hat\theta_{{{name[len(head) :]}}}$" if head == "theta" else name
+    return rf"$\hat\{head}_{{{name[len(head) :]}}}$" if head in ("theta", "pi") else name

@@ -75,13 +75,28 @@ def derive(context: typer.Context) -> None:
 
 @app.command()
 def check(
-    model: Annotated[str, typer.Argument(help="A shipped model, or the path of a folder that derive has written.")],
+    subject: Annotated[
+        str,
+        typer.Argument(
+            help="A shipped model or the path of a folder that derive has written; or a shipped experiment or its file."
+        ),
+    ],
 ) -> None:
-    """Check that a model obeys every law: mechanics, linearization, base parameters, code; exit with 1 where not."""
+    """Check that a model obeys every law, or that an experiment's laws keep what their proofs need; exit with 1 if not.
+
+    Of a model: mechanics, linearization, base parameters, code. Of an experiment, which is run: is the adaptation slow
+    enough for its samples, which parameters does the reference determine, how certain are the estimates.
+    """
     from wmr_afl.model.laws import LAWS, Situation
 
     with reporting():
-        situation = Situation(model)
+        if subject.endswith(".toml") or subject in list_experiments():
+            from wmr_afl.cli.checks import check_experiment
+
+            if not check_experiment(subject):
+                raise typer.Exit(1)
+            return
+        situation = Situation(subject)
         deviations = {law: law.deviation(situation) for law in LAWS if law.applies(situation.numpy)}
     table = Table("law", "what must hold", "deviation", "at most", "verdict", box=None, header_style="bold")
     obeyed = True

@@ -6,6 +6,7 @@ from rich.markup import escape
 from rich.progress import TaskID
 from rich.table import Table
 
+from wmr_afl.analysis.excitation import sentence
 from wmr_afl.analysis.metrics import metrics
 from wmr_afl.cli.terminal import console, errors, progress_bar
 from wmr_afl.simulation.result import Run
@@ -28,18 +29,13 @@ def run_with_progress(experiment: str, backend: str, controllers: list[str] | No
 
 def print_metrics(title: str, runs: dict[str, Run]) -> None:
     """Print a table of metrics, one line for each run."""
-    table = Table(
-        "controller",
-        "RMS error",
-        "RMS error, settled",
-        "largest input",
-        "failure",
-        title=escape(title),
-        title_justify="left",
-    )
-    for name, run in runs.items():
-        found = metrics(run)
-        settled = f"{_row(found['rms_settled'])} (since {found['settled_since']:g} s)" if "rms" in found else "-"
+    found_by_name = {name: metrics(run) for name, run in runs.items()}
+    since = {f" since {found['settled_since']:g} s" for found in found_by_name.values() if "rms" in found}
+    settled_error = f"RMS error{min(since, default=', settled')}"
+    headers = ("controller", "RMS error", settled_error, "largest input", "failure")
+    table = Table(*headers, title=escape(title), title_justify="left")
+    for name, found in found_by_name.items():
+        settled = _row(found["rms_settled"]) if "rms" in found else "-"
         largest = f"{max(found.get('largest_input', [0.0])):.3g} V"
         table.add_row(
             escape(name),
@@ -52,6 +48,8 @@ def print_metrics(title: str, runs: dict[str, Run]) -> None:
     for name, run in runs.items():
         for warning in run.warnings:
             errors.print(f"warning: {escape(name)}: {escape(warning)}", highlight=False, soft_wrap=True)
+        if run.undetermined:
+            console.print(f"{escape(name)}: {escape(sentence(run))}", highlight=False, soft_wrap=True)
 
 
 def _row(values: list[float]) -> str:

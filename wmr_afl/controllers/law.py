@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from wmr_afl.controllers.reference import Point
 from wmr_afl.errors import MissingTermError, ShapeError
 from wmr_afl.model.model import Model
-from wmr_afl.numerics.arrays import Array, Floats
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fixed, Part, Parts
 
 
@@ -63,6 +63,7 @@ class Law(Fixed):
     knowledge: Knowledge
     parts: Parts[Part]
     adapts: bool  # whether its estimates move
+    knows_deviation: bool = False  # of its estimates
 
     @property
     def values(self) -> dict[str, Floats]:
@@ -78,6 +79,10 @@ class Law(Fixed):
         self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> Action:
         """The command at the measured state x; `step` [s] is the time since the last sample."""
+        raise NotImplementedError
+
+    def deviation(self, z: SimpleNamespace, arrays: Arrays) -> Array:
+        """The standard deviation of each estimate as the law knows it, (n_theta,)."""
         raise NotImplementedError
 
     def update(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.groups import Group, Rows, RowsOfGroups, inner
 from wmr_afl.model.model import Model
-from wmr_afl.numerics.arrays import Array, Floats
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault, Part
 
 
@@ -118,6 +118,14 @@ class LeastSquares(Part):
             "is_running": arrays.vector([1.0]),
         }
         return self.groups.in_order(learned, arrays), following
+
+    def deviation(self, z: SimpleNamespace, arrays: Arrays) -> Array:
+        """The square root of P's diagonal, (n_pi,): as certain as the equation of motion is, not as the robot is."""
+        blocks = [
+            [arrays.sqrt(arrays.maximum(P[i][i], 0.0)) for i in range(len(P))]
+            for _, P in self.groups.blocks_of(z.covariance)
+        ]
+        return self.groups.in_order([entry for block in blocks for entry in block], arrays)
 
     def applied(self, u: Array, allocation: Array) -> dict[str, Array]:
         """The states that depend on what reached the motors, u (n_u,)."""

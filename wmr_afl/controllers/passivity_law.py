@@ -17,7 +17,7 @@ from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.errors import MissingTermError
 from wmr_afl.model.model import Model
-from wmr_afl.numerics.arrays import Array, Floats
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.linear_algebra import least_norm, regularity, solve
 from wmr_afl.numerics.parts import NOTHING, Fault, Part, Parts, prefixed
 from wmr_afl.numerics.vectors import per_entry
@@ -112,6 +112,7 @@ class PassivityLaw(Law):
             raise MissingTermError("this law estimates passivity_parameters", "give a first estimate of these")
         self.knowledge, self.direct, self.least_squares = knowledge, direct, least_squares
         self.adapts = direct is not None or least_squares is not None
+        self.knows_deviation = least_squares is not None
         self.error, self.effort = ErrorDynamics(rate), effort or Effort(len(model.input_units))
         self.reference_model = ReferenceModel(len(model.output_units), reference_rate)
         self.projection = projection or Projection(len(knowledge.theta_hat))
@@ -158,6 +159,11 @@ class PassivityLaw(Law):
         if self.least_squares is not None:
             pi_hat, following = self.least_squares.learn(x, pi_hat, z.least_squares, k.least_squares, k.c, model, step)
         return self.projection.project(pi_hat, getattr(k, self.projection.name, NOTHING), model.arrays), following
+
+    def deviation(self, z: SimpleNamespace, arrays: Arrays) -> Array:
+        if self.least_squares is None:
+            raise MissingTermError("a law without least squares knows no deviation", "add least_squares")
+        return self.least_squares.deviation(z.least_squares, arrays)
 
     def update(
         self,

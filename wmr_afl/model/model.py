@@ -120,6 +120,16 @@ class Model:
             getattr(self, parameters)
         return dict(self.metadata[parameters])
 
+    def formulas_of(self, parameters: str) -> dict[str, str]:
+        """What each number of `base_parameters` or `passivity_parameters` is in physical parameters, by name.
+
+        Raises:
+            MissingTermError: if the model has no such parameters.
+        """
+        if not self.has(parameters):
+            getattr(self, parameters)
+        return dict(self.metadata[parameters.removesuffix("s") + "_formulas"])
+
     def functions(self) -> dict[str, Any]:
         """The generated functions by name: plain ones, or each a `casadi.Function`."""
         return dict(self._functions)

@@ -52,6 +52,7 @@ class ClosedLoop:
     def signals(self) -> dict[str, int]:
         """What is logged at every sample, with sizes."""
         outputs, inputs = len(self.model.output_units), len(self.model.input_units)
+        deviation = {"deviation": len(self.law.knowledge.units)} if self.law.knows_deviation else {}
         return {
             "x": len(self.model.state_units),
             "u": inputs,
@@ -60,6 +61,7 @@ class ClosedLoop:
             "theta_hat": len(self.law.knowledge.units),
             "reference": outputs,
             "regularity": 1,
+            **deviation,
         }
 
     @functools.cached_property
@@ -107,6 +109,8 @@ class ClosedLoop:
             "reference": reference.position,
             "regularity": action.regularity,
         }
+        if self.law.knows_deviation:
+            signals["deviation"] = self.law.deviation(z, model.arrays)
         following = {
             **self.plant.update(t, action.input, z, k, model, self.sample_time),
             **self.law.update(seen, action, applied, z, k, model, self.sample_time),

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,9 @@ from wmr_afl.errors import SimulationError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
+from wmr_afl.simulation.conditions import Condition
+
+UNDETERMINED = 0.5  # of the deviation of the first guess: what is left of it when little was learned
 
 
 @dataclass(frozen=True)
@@ -41,16 +43,26 @@ class Run:
     known: Floats  # c (n_c,), which the controller knew
     failure: Failure | None = None
     warnings: tuple[str, ...] = ()  # what makes the run doubtful, with remedies
-    estimate_units: Mapping[str, str] = field(default_factory=dict)  # of each estimate by name
-
-    def __post_init__(self) -> None:
-        """Estimates are base parameters unless their names say otherwise."""
-        if not self.estimate_units:
-            object.__setattr__(self, "estimate_units", dict(self.model.base_parameter_units))
+    estimated: str = "base_parameters"  # the generated function of p whose values are estimated
+    deviation: Floats | None = None  # (T, n_theta), standard deviation of each estimate, if the law knows it
+    conditions: tuple[Condition, ...] = ()  # of proofs in discrete time, tried along the run
 
     def __repr__(self) -> str:
         end = str(self.failure) if self.failure else "complete"
         return f"<Run of {self.model.name} under {self.controller}: {len(self.time)} samples, {end}>"
+
+    @property
+    def estimate_units(self) -> dict[str, str]:
+        """The unit of each estimate, by name."""
+        return self.model.units_of(self.estimated)
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """The parameters of which the run has told little by themselves; without deviations none is named."""
+        if self.deviation is None or not len(self.deviation):
+            return ()
+        left = self.deviation[-1] / self.deviation[0]
+        return tuple(name for name, share in zip(self.estimate_units, left, strict=True) if share > UNDETERMINED)
 
     @property
     def output(self) -> Floats:

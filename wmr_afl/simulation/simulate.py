@@ -12,6 +12,7 @@ from wmr_afl.errors import SimulationError
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.measurement_noise import normal_samples
 from wmr_afl.simulation.closed_loop import ClosedLoop, sample_times
+from wmr_afl.simulation.conditions import conditions
 from wmr_afl.simulation.ensemble import Ensemble
 from wmr_afl.simulation.failures import cause
 from wmr_afl.simulation.layout import Layout
@@ -70,6 +71,7 @@ def simulate(
                 break
     rows = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
     logged = {signal: rows[:done, place] for signal, place in signals.places.items()}
+    found = tuple(conditions(loop, logged, numbers))
     return Run(
         controller=name,
         model=loop.model,
@@ -79,12 +81,14 @@ def simulate(
         command=logged["command"],
         error=logged["e"],
         estimate=logged["theta_hat"],
+        deviation=logged.get("deviation"),
         reference=logged["reference"],
         parameters=numbers["p"].copy(),
         known=numbers["c"].copy(),
-        estimate_units=loop.law.knowledge.units,
+        estimated=loop.law.knowledge.estimated,
         failure=failure,
-        warnings=warning_signs(loop, logged, numbers),
+        conditions=found,
+        warnings=warning_signs(loop, logged, numbers, found),
     )
 
 

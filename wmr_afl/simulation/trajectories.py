@@ -21,6 +21,7 @@ DATASETS = {  # signal of the loop -> name in the file
     "e": "error",
     "reference": "reference",
     "theta_hat": "estimate",
+    "deviation": "deviation",  # if the law knows it
 }
 SAMPLES = 1000  # of one run in one chunk of the file, as many as a batch records at a time
 
@@ -30,8 +31,9 @@ def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterat
     """Yield a function (robots, samples, rows) that writes signals; the file gets its name once all is written.
 
     Datasets: time (T,), state (N, T, 2n-m), input and command (N, T, n_u), error and reference (N, T, n-m), estimate
-    (N, T, n_theta), failure_time (N,); their attribute `names` lists the entries with units. A run that failed has its
-    failure_time, NaN in the others, and NaN in all signals from then on. If writing fails, what was at `path` stays.
+    and, where the law knows it, deviation (N, T, n_theta), failure_time (N,); their attribute `names` lists the entries
+    with units. A run that failed has its failure_time, NaN in the others, and NaN in all signals from then on. If
+    writing fails, what was at `path` stays.
 
     Raises:
         WmrError: if h5py is not installed, or the file cannot be written.
@@ -43,6 +45,7 @@ def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterat
             "trajectories need h5py, which is not installed", 'pip install "wmr-afl[trajectories]"'
         ) from None
     names, places = _names(loop), loop.signal_layout.places
+    datasets = {signal: dataset for signal, dataset in DATASETS.items() if signal in places}
     failures = np.full(count, np.nan)
     file = None
     with _one_line(path):
@@ -53,7 +56,7 @@ def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterat
             file = h5py.File(unfinished, "w", rdcc_nbytes=0)
             file.attrs["model"] = loop.model.name
             file.create_dataset("time", data=times).attrs["names"] = ["time [s]"]
-            for signal, dataset in DATASETS.items():
+            for signal, dataset in datasets.items():
                 shape = (count, len(times), loop.signals[signal])
                 chunks = (1, min(SAMPLES, len(times)), shape[-1]) if shape[-1] else None
                 made = file.create_dataset(dataset, shape, "f8", chunks=chunks, fillvalue=np.nan)
@@ -62,7 +65,7 @@ def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterat
         def record(robots: slice, samples: slice, rows: Floats) -> None:
             kept = _until_failure(rows, times[samples], failures[robots], loop)
             with _one_line(path):
-                for signal, dataset in DATASETS.items():
+                for signal, dataset in datasets.items():
                     file[dataset][robots, samples] = np.moveaxis(kept[:, places[signal]], 2, 0)
 
         yield record
@@ -87,6 +90,7 @@ def _names(loop: ClosedLoop) -> dict[str, list[str]]:
         "error": model.output_units,
         "reference": model.output_units,
         "estimate": loop.law.knowledge.units,
+        "deviation": loop.law.knowledge.units,
     }
     return {dataset: [f"{name} [{unit}]" for name, unit in table.items()] for dataset, table in units.items()}
 

@@ -62,6 +62,35 @@ def test_a_folder_that_cannot_be_written_is_known_before_the_work(tmp_path: Path
             check_writable(wrong)
 
 
+def test_deviations_stand_beside_the_estimates(tmp_path: Path) -> None:
+    """In the table of samples, in the metrics, and as bands around each estimate with the true value."""
+    deviation = np.linspace(1.0, 0.4, 11)[:, None] * np.arange(1.0, 7.0)
+    deviation[-1, 3] = 0.6 * deviation[0, 3]
+    one = run(estimated="passivity_parameters", deviation=deviation)
+    files = write_results({"a": one}, tmp_path)
+    header, *rows = csv.reader(files[0].read_text().splitlines())
+    table = dict(zip(header, np.array(rows, dtype=float).T, strict=True))
+    units = MODEL.units_of("passivity_parameters")
+    for index, (name, unit) in enumerate(units.items()):
+        np.testing.assert_array_equal(table[f"deviation_{name} [{unit}]"], deviation[:, index])
+    found = metrics(one)
+    np.testing.assert_allclose(list(found["deviation"].values()), deviation[-1])
+    np.testing.assert_allclose(list(found["estimate"].values()), one.estimate[-1])
+    assert found["undetermined"] == ["pi4"]
+    figure = plots.overview({"a": one}, "title")["estimates_a"]
+    panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
+    assert len(panels) == len(units)
+    for index, axes in enumerate(panels):
+        (band,) = axes.collections
+        corners = band.get_paths()[0].vertices
+        for half in (-deviation[:, index], deviation[:, index]):
+            edge = np.column_stack([TIME, one.estimate[:, index] + half])
+            assert all((np.abs(corners - corner).max(axis=1) < 1e-12).any() for corner in edge)
+        line, true = axes.get_lines()
+        np.testing.assert_array_equal(line.get_ydata(), one.estimate[:, index])
+        assert true.get_ydata()[0] == MODEL.passivity_parameters(one.parameters)[index]
+
+
 def lines(axes: Any) -> dict[str, np.ndarray]:
     """The lines of a plot that have a name, (samples, 2)."""
     named = [line for line in axes.get_lines() if not line.get_label().startswith("_")]

@@ -1,12 +1,21 @@
 """Stability in numbers, against the same computed from the definitions; excitation of regressors that are known."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from wmr_afl.analysis.excitation import WEAKEST, estimate_error, excitation
+from wmr_afl.analysis.excitation import (
+    WEAKEST,
+    estimate_error,
+    excitation,
+    left_open,
+    listed,
+    sentence,
+    undetermined,
+)
 from wmr_afl.analysis.metrics import SETTLED, metrics
 from wmr_afl.analysis.stability import (
     ErrorSystem,
@@ -145,7 +154,8 @@ def run_with(regressor: Floats, step: float, names: tuple[str, ...], **changed: 
     def of_state(state: Floats, u: Floats, known: Floats) -> Floats:
         return regressor[np.round(state[:, 0]).astype(int)] * u[:, :1, None]
 
-    model: Any = SimpleNamespace(regressor=of_state, base_parameter_units=dict.fromkeys(names, "1"))
+    units = dict.fromkeys(names, "1")
+    model: Any = SimpleNamespace(regressor=of_state, units_of=lambda estimated: units, base_parameters=np.ones_like)
     model.in_library = lambda library: model if library == "numpy" else None
     arrays = {
         "time": step * np.arange(count), "state": np.arange(float(count))[:, None], "input": np.ones((count, 1)),
@@ -223,6 +233,35 @@ def test_a_run_shorter_than_a_window_excites_nothing_that_could_be_said() -> Non
             excitation(run, np.ones(2), window, since)
 
 
+def test_what_deviations_leave_open_is_undetermined() -> None:
+    """By the deviation that is left of the first one; without deviations by the share that (47) determines."""
+    run = run_with(np.zeros((3, 1, 2)), 1.0, ("a", "b"), deviation=np.array([[2.0, 4.0], [1.5, 3.0], [1.02, 1.98]]))
+    assert run.undetermined == undetermined(run) == ("a",)
+    assert run_with(np.zeros((3, 1, 2)), 1.0, ("a", "b")).undetermined == ()
+    t = np.linspace(0.0, 20.0, 2001)
+    regressor = np.stack([np.sin(t), np.sin(t), np.cos(2.0 * t)], axis=-1)[:, None, :]
+    assert undetermined(run_with(regressor, t[1], ("a", "b", "c"))) == ("a", "b")
+
+
+def test_parameters_that_act_in_undetermined_ones_only_are_left_open() -> None:
+    """m acts elsewhere, c is known, and d is no parameter of its own; the sentence names what the guess stands for."""
+    formulas = {"pi1": "m*r/K", "pi2": "I*r/K + c", "pi3": "m*d**2/K"}
+    model: Any = SimpleNamespace(
+        formulas_of=lambda estimated: formulas, parameter_units=dict.fromkeys("mIrcdK", "1"), known_units={"c": "1"},
+        units_of=lambda estimated: dict.fromkeys(formulas, "1"),
+    )  # fmt: skip
+    assert left_open(model, "passivity_parameters", ("pi2",)) == ("I",)
+    assert left_open(model, "passivity_parameters", ("pi2", "pi3")) == ("I", "d")
+    assert left_open(model, "passivity_parameters", ()) == ()
+    run = run_with(np.zeros((2, 1, 3)), 1.0, ("pi1", "pi2", "pi3"), deviation=np.array([[1.0, 1, 1], [0.1, 0.9, 1.0]]))
+    vars(run.model).update(vars(model))
+    told = "pi2 = I*r/K + c and pi3 = m*d**2/K: undetermined by this reference, the guess stands"
+    assert sentence(run) == f"{told}; of I and d nothing is learned"
+    assert sentence(replace(run, deviation=np.array([[1.0, 1, 1], [0.1, 0.1, 0.1]]))) == ""
+    assert listed(("a",)) == "a"
+    assert listed(("a", "b", "c")) == "a, b and c"
+
+
 def test_errors_of_estimates_are_relative() -> None:
     """(theta_hat - theta)/theta, sample by sample."""
     run = run_with(np.zeros((2, 1, 2)), 1.0, ("a", "b"), estimate=np.array([[1.0, 3.0], [2.0, -1.0]]))
@@ -261,6 +300,7 @@ def test_metrics_of_a_run_that_failed_are_those_that_it_has() -> None:
     """Its cause, and what came before; nothing of errors, and nothing at all without a sample."""
     found = metrics(hand_made(3, Failure(3.0, "diverged"), input=np.full((3, 2), -4.0)))
     assert found == {
-        "samples": 3, "failure": "stopped at t = 3 s: diverged", "largest_input": [4.0, 4.0], "largest_estimate": 0.0
+        "samples": 3, "failure": "stopped at t = 3 s: diverged", "largest_input": [4.0, 4.0], "largest_estimate": 0.0,
+        "estimate": dict.fromkeys(load_model("type_2_0").base_parameter_units, 0.0), "conditions": [],
     }  # fmt: skip
     assert metrics(hand_made(0, Failure(0.0, "at once"))) == {"samples": 0, "failure": "stopped at t = 0 s: at once"}

@@ -14,6 +14,7 @@ from tests.conftest import EXPERIMENTS, ROBOTS, ROOT
 from tests.wmr_afl.model.sealing import sealed
 from wmr_afl import load_model
 from wmr_afl.analysis import campaign_plots, plots
+from wmr_afl.analysis.excitation import sentence
 from wmr_afl.analysis.paper.claims import CLAIMS
 from wmr_afl.analysis.paper.figures import FIGURES
 from wmr_afl.cli import app, progress, terminal
@@ -161,6 +162,36 @@ def test_a_model_is_checked_law_by_law(tmp_path: Path) -> None:
     assert "BROKEN" in done.output
 
 
+def test_an_experiment_is_checked_controller_by_controller(tmp_path: Path) -> None:
+    """Conditions with verdicts, estimates with deviations, what stays undetermined; 1 if a condition is broken."""
+    done = call("check", "track_type_2_0")
+    run = wmr_afl.run("track_type_2_0", controllers="composite")["composite"]
+    told = done.output.partition("composite")[2].partition("direct")[0]
+    table = {row[0]: row for row in rows(told) if row}
+    (condition,) = run.conditions
+    assert condition.holds
+    assert table[condition.statement][1:] == [
+        f"{condition.largest:.3g} at {condition.time:g} s", f"{condition.bound:.3g}", "holds"
+    ]  # fmt: skip
+    truth = run.model.passivity_parameters(run.parameters)
+    assert run.deviation is not None
+    for index, (name, unit) in enumerate(run.estimate_units.items()):
+        first, last, deviation = run.estimate[0, index], run.estimate[-1, index], run.deviation[-1, index]
+        numbers = [unit, f"{first:.4g}", f"{last:.4g}", f"{deviation:.2g}", f"{truth[index]:.4g}"]
+        assert table[name][1:] == numbers + ["undetermined"] * (name in run.undetermined)
+    assert " ".join(sentence(run).split()) in " ".join(told.split())
+    assert done.output.count("nothing adapts") == 2
+    assert "BROKEN" in done.output.partition("AFL")[2]
+    assert done.exit_code == 1
+    (tmp_path / "mine.toml").write_text(
+        'title = "one"\nrobot = "type_2_0"\nsimulation = { duration = 1.0, sample_time = 0.02 }\n'
+        "reference = { circle = { center = [0.0, 0.0], radius = 2.0, rate = 0.1 } }\nstart = { x = 2.0 }\n"
+        'controllers = { composite = { law = "composite" } }\n'
+    )
+    assert call("check", tmp_path / "mine.toml").exit_code == 0
+    assert call("check", tmp_path / "none.toml").exit_code == 2
+
+
 def test_a_simulation_prints_its_metrics_and_writes_its_files(short: Path, tmp_path: Path) -> None:
     """RMS, settled RMS, largest input; samples, metrics and figures below `out`, by the experiment's name."""
     done = call("simulate", short, "--out", tmp_path / "out", "--backend", "numpy")
@@ -171,7 +202,8 @@ def test_a_simulation_prints_its_metrics_and_writes_its_files(short: Path, tmp_p
     for name, run in runs.items():
         rms, settled = (", ".join(f"{value:.3g}" for value in found[name][key]) for key in ("rms", "rms_settled"))
         largest = f"{np.abs(run.input).max():.3g} V"
-        assert table[name][1:4] == [rms, f"{settled} (since {found[name]['settled_since']:g} s)", largest]
+        assert table[name][1:4] == [rms, settled, largest]
+        assert f"RMS error since {found[name]['settled_since']:g} s" in table["controller"]
         assert found[name]["samples"] == 101
     written = [path for path in (tmp_path / "out" / "short").iterdir() if not path.name.startswith(".")]
     pictures = {"path", "errors", "inputs", "estimates_AFL"}

@@ -89,7 +89,7 @@ def test_all_backends_give_the_same_run(robot: str, law: str, tmp_path: Path) ->
     for run in runs:
         assert run.failure is None
     for run in runs[1:]:
-        for signal in ("state", "input", "estimate"):
+        for signal in ("state", "input", "estimate", *(("deviation",) if law == "composite" else ())):
             expected = getattr(runs[0], signal)
             assert np.abs(getattr(run, signal) - expected).max() < 1e-9 * max(1.0, np.abs(expected).max()), signal
 
@@ -195,6 +195,11 @@ def test_least_squares_is_the_minimum_that_it_stands_for(model: Model) -> None:
     for group, P in part.groups.blocks_of(z.covariance):
         block = inverse[np.ix_(group.parameters, group.parameters)]
         np.testing.assert_allclose(np.array(P, dtype=float), block, rtol=1e-6, atol=1e-10)
+    blocks = np.zeros_like(information)  # of groups; what lies between them is zero, or rounding
+    for group in groups:
+        blocks[np.ix_(group.parameters, group.parameters)] = information[np.ix_(group.parameters, group.parameters)]
+    deviation = np.sqrt(np.diag(np.linalg.inv(blocks)))
+    np.testing.assert_allclose(part.deviation(z, NUMPY), deviation, rtol=1e-6)
 
 
 def test_without_data_estimates_go_back_to_the_guess() -> None:

@@ -40,6 +40,14 @@ def test_the_file_holds_what_single_runs_give(tmp_path: Path, threads: int, back
     assert not list(tmp_path.glob("*.part"))
 
 
+def test_the_file_holds_deviations_where_the_law_knows_them(tmp_path: Path) -> None:
+    wmr_afl.run_batch("payload_type_2_0", "composite", scale={"m_C": [1.0]}, trajectories=tmp_path / "runs.h5")
+    run = wmr_afl.run("payload_type_2_0", controllers="composite")["composite"]
+    with h5py.File(tmp_path / "runs.h5") as file:
+        assert list(file["deviation"].attrs["names"]) == list(file["estimate"].attrs["names"])
+        np.testing.assert_allclose(file["deviation"][0], run.deviation, rtol=1e-9)
+
+
 @pytest.mark.parametrize("backend", ["compiled", "casadi"])
 def test_a_failure_is_marked_in_the_file(tmp_path: Path, backend: str) -> None:
     """Three starts, of which some fail within the first second: the file agrees with the summaries."""

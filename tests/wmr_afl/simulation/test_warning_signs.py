@@ -20,6 +20,7 @@ from wmr_afl.controllers.reference import Reference
 from wmr_afl.model.model import load_model
 from wmr_afl.plant import InputLimits, Plant
 from wmr_afl.simulation.closed_loop import ClosedLoop
+from wmr_afl.simulation.conditions import MOST, conditions
 from wmr_afl.simulation.warning_signs import GROWN, OFTEN, STUCK, warning_signs
 
 MODEL = load_model("type_2_0")
@@ -42,7 +43,8 @@ def signs(one: ClosedLoop | None = None, count: int = 700, numbers: Any = None, 
     one = one or loop()
     usual = {"x": np.zeros((count, 5)), "u": np.zeros((count, 2)), "command": np.ones((count, 2))}
     signals = {**usual, "theta_hat": np.tile(TRUTH, (count, 1)), **changed}
-    return list(warning_signs(one, signals, {**one.values, **(numbers or {})}))
+    of_robot = {**one.values, **(numbers or {})}
+    return list(warning_signs(one, signals, of_robot, conditions(one, signals, of_robot)))
 
 
 def test_a_run_without_doubt_has_no_sign() -> None:
@@ -120,10 +122,12 @@ def test_an_adaptation_that_is_too_fast_for_its_samples_is_named(dense: bool) ->
     edge = 0.5 / (0.02 * np.linalg.eigvalsh(W @ shape @ W.T).max())
     for factor, expected in ((1.02, True), (0.98, False)):
         gain = factor * edge * shape
-        found = [one for one in signs(loop(gain if dense else np.diag(gain)), x=x, command=u) if "too fast" in one]
+        found = [one for one in signs(loop(gain if dense else np.diag(gain)), x=x, command=u) if "alpha" in one]
         assert bool(found) == expected
         if expected:
-            assert f"({factor * 0.5:.3g} 1/s, alpha is 0.5)" in found[0]
+            assert found[0].startswith(
+                f"dt eig_max(W Gamma W^T) < alpha is broken at the start ({factor * 0.5:.3g}, the bound is 0.5); sample"
+            )
 
 
 @pytest.mark.parametrize(("times", "doubtful"), [(1.0, False), (80.0, False), (100.0, True)])
@@ -138,6 +142,39 @@ def test_a_guess_of_far_too_much_inertia_is_named(times: float, doubtful: bool) 
     assert bool(found) == doubtful
     if doubtful:
         assert found == [
-            "the guess has an inertia 100 times too large: 2 is not below 1.8; "
-            "guess a smaller one, sample faster or lower the rate"
+            "kappa dt N0/N < 2 - lambda dt is broken at the start (2, the bound is 1.8); "
+            "guess a smaller inertia, sample faster or lower the rate"
         ]
+
+
+def test_a_condition_is_told_where_it_is_worst() -> None:
+    """Largest value with its time, and the share of samples that break it, against W and Gamma sample by sample."""
+    random, one = np.random.default_rng(3), loop(0.05)
+    signals = {
+        "x": random.normal(size=(50, 5)), "u": np.zeros((50, 2)), "command": random.normal(size=(50, 2)),
+        "theta_hat": np.tile(TRUTH, (50, 1)),
+    }  # fmt: skip
+    (found,) = conditions(one, signals, one.values)
+    W = [MODEL.regressor(x, u, MODEL.known(P)) for x, u in zip(signals["x"], signals["command"], strict=True)]
+    speeds = np.array([0.02 * 0.05 * np.linalg.norm(w, 2) ** 2 for w in W])
+    assert (found.at_start, found.largest) == pytest.approx((speeds[0], speeds.max()), rel=1e-12)
+    assert found.time == pytest.approx(0.02 * speeds.argmax())
+    assert found.bound == 0.5
+    alpha = float(np.median(speeds))
+    (found,) = conditions(one, signals, {**one.values, "outer_loop.alpha": np.array([9.0, alpha])})
+    assert found.share == pytest.approx(np.mean(speeds >= alpha))
+    assert not found.holds
+    assert f"up to {speeds.max():.3g} at {found.time:g} s, the bound is {alpha:.3g}" in str(found)
+
+
+def test_numbers_that_overflow_break_a_condition() -> None:
+    """Infinite or undefined speeds count as broken; long runs are looked at in even steps."""
+    x = np.zeros((3, 5))
+    x[1, 3:] = 1e200
+    signals = {"x": x, "u": np.zeros((3, 2)), "command": np.ones((3, 2)), "theta_hat": np.tile(TRUTH, (3, 1))}
+    (found,) = conditions(loop(), signals, loop().values)
+    assert (found.largest, found.time, found.share) == (np.inf, 0.02, pytest.approx(1.0 / 3.0))
+    many = {name: np.repeat(signal[:1], 2 * MOST + 1, axis=0) for name, signal in signals.items()}
+    many["x"][1] = 1e200  # every third is looked at
+    (found,) = conditions(loop(), many, loop().values)
+    assert found.holds

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from rich.markup import escape
 from rich.table import Table
 
 Rows = Iterable[Sequence[str]]
@@ -17,7 +18,7 @@ def three_digits(value: float) -> str:
 
 def in_terminal(headings: Sequence[str], rows: Rows, title: str = "") -> Table:
     """For rich."""
-    table = Table(*headings, title=title or None, title_justify="left")
+    table = Table(*map(escape, headings), title=title or None, title_justify="left")
     for row in rows:
         table.add_row(*row)
     return table

@@ -17,7 +17,7 @@ from wmr_afl.errors import (
     UnknownNameError,
     WmrError,
 )
-from wmr_afl.experiments.campaigns import CampaignResult, campaign, replay
+from wmr_afl.experiments.campaigns import CampaignResult, campaign, compare, replay
 from wmr_afl.experiments.experiment import list_experiments
 from wmr_afl.experiments.realtime import Controller
 from wmr_afl.experiments.run import run, run_batch
@@ -49,6 +49,7 @@ __all__ = [
     "UnknownNameError",
     "WmrError",
     "campaign",
+    "compare",
     "derive",
     "generated",
     "list_experiments",

@@ -41,6 +41,7 @@ Estimate = Annotated[
     Literal["exact"] | Number | list[Number] | dict[str, Number],
     either('"exact", a finite number, a list of them, or a table name = number'),
 ]
+Names = Annotated[str | Annotated[list[str], Field(min_length=1)], either("a name, or a list of them")]
 Gain = Annotated[
     Number | list[Number] | list[list[Number]] | dict[str, Number],
     either("a finite number, a list of them, a square matrix, or a table name = number"),

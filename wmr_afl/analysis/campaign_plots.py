@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -17,6 +20,7 @@ from wmr_afl.experiments.campaigns.result import CampaignResult, wilson
 from wmr_afl.numerics.arrays import Floats
 from wmr_input.whole_files import write_whole
 
+Results = Mapping[str, CampaignResult]  # by the name of the controller
 BINS = 10  # of a drawn quantity, with equally many runs in each; for 1000 runs the bounds are then within 10 %
 
 
@@ -28,15 +32,57 @@ def write(result: CampaignResult, folder: Path) -> list[Path]:
     """
     figures = {"errors": draw_errors(result), "success": draw_success(result)}
     with locked(folder), renewed(folder) as beside:
-        files = [beside / "summary.json"]
-        try:
-            write_whole(files[0], json.dumps(result.summary(), indent=2) + "\n")
-        except OSError as error:
-            problem = f"{files[0]}: cannot be written ({error.strerror})"
-            raise WmrError(problem, "make room or name another --out") from None
+        files = [_write_json(beside / "summary.json", result.summary())]
         for name, figure in figures.items():
             files += plots.save(figure, beside / name)
     return [folder / file.name for file in files]
+
+
+def write_comparison(results: Results, folder: Path) -> list[Path]:
+    """Write comparison.json and the plot of several controllers, and return their paths.
+
+    Raises:
+        WmrError: if the folder cannot be written.
+    """
+    with renewed(folder) as beside:
+        files = [_write_json(beside / "comparison.json", {name: one.brief() for name, one in results.items()})]
+        files += plots.save(draw_comparison(results), beside / "comparison")
+    return [folder / file.name for file in files]
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> Path:
+    try:
+        write_whole(path, json.dumps(content, indent=2) + "\n")
+    except OSError as error:
+        raise WmrError(f"{path}: cannot be written ({error.strerror})", "make room or name another --out") from None
+    return path
+
+
+def draw_comparison(results: Results) -> Figure:
+    """For each controller the share of runs whose RMS error, the largest of the outputs of a unit, is below a bound."""
+    some = next(iter(results.values()))
+    units = list(dict.fromkeys(some.outputs.values()))
+    with plots.styled():
+        figure = plots.new_figure(1.6 + 4.4 * len(units), 3.6)
+        panels = figure.subplots(1, len(units), sharey=True, squeeze=False)[0]
+        for axes, unit in zip(panels, units, strict=True):
+            columns = [index for index, other in enumerate(some.outputs.values()) if other == unit]
+            for index, (name, result) in enumerate(results.items()):
+                errors = np.sort(result.runs.rms[:, columns].max(axis=1))
+                _draw_shares(axes, errors, plots.verbatim(name), index)
+            if some.criteria.rms is not None:
+                axes.axvline(some.criteria.rms, label="wanted", **plots.REFERENCE)
+            axes.set(xscale="log", ylim=(0.0, 105.0), xlabel=f"RMS tracking error [{unit}]")
+        panels[0].set(ylabel="runs that stay below [%]")
+        panels[-1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+        figure.suptitle(f"{len(some)} runs, the same draws for each law", fontsize=10)
+    return figure
+
+
+def _draw_shares(axes: Axes, errors: Floats, label: str, index: int) -> None:
+    """The share of all runs below each error, of errors in order; those of failed runs are infinite."""
+    share, kept = np.arange(1, len(errors) + 1) / len(errors), np.isfinite(errors) & (errors > 0.0)
+    axes.step(errors[kept], 100.0 * share[kept], where="post", label=label, **plots.style_of(index))
 
 
 def draw_errors(result: CampaignResult) -> Figure:
@@ -44,14 +90,9 @@ def draw_errors(result: CampaignResult) -> Figure:
     with plots.styled():
         figure = plots.new_figure(6.0, 3.6)
         axes = figure.subplots()
-        share = np.arange(1, len(result) + 1) / len(result)
         units = []
         for index, (output, unit) in enumerate(result.outputs.items()):
-            errors = np.sort(result.runs.rms[:, index])
-            kept = np.isfinite(errors) & (errors > 0.0)
-            axes.step(
-                errors[kept], 100.0 * share[kept], where="post", label=f"{output} [{unit}]", **plots.style_of(index)
-            )
+            _draw_shares(axes, np.sort(result.runs.rms[:, index]), f"{output} [{unit}]", index)
             units.append(unit)
         if result.criteria.rms is not None:
             axes.axvline(result.criteria.rms, label="wanted", **plots.REFERENCE)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -26,7 +26,9 @@ def campaign(
     experiment: Experiment,
     runs: Annotated[int, typer.Option(help="How many runs.")] = 1000,
     out: Out = Path("results"),
-    controller: Annotated[str | None, typer.Option(help="Which controller; else as the table campaign says.")] = None,
+    controller: Annotated[
+        list[str] | None, typer.Option(help="Which controller; may be repeated; else as the table campaign says.")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="tcp://HOST:PORT of a Dask scheduler whose workers run the blocks.")
     ] = None,
@@ -37,40 +39,63 @@ def campaign(
         int | None, typer.Option(help="Run only the run of this index, as the campaign does, with all its samples.")
     ] = None,
 ) -> None:
-    """Run an experiment many times as its campaign table draws; tell success, quantiles and worst runs; can go on."""
+    """Run an experiment many times as its campaign table draws; tell success, quantiles and worst runs; can go on.
+
+    Several controllers meet the same draws, and are compared in one table and one plot.
+    """
     from wmr_afl.analysis import campaign_plots
     from wmr_afl.analysis.files import check_writable
-    from wmr_afl.experiments.campaigns import campaign
-    from wmr_afl.experiments.experiment import file_name
+    from wmr_afl.experiments.campaigns import campaign_folder, compare
     from wmr_afl.experiments.load import load_experiment
 
     with reporting():
         loaded = load_experiment(experiment)
-        name = loaded.name(
-            controller or (loaded.experiment.campaign.controller if loaded.experiment.campaign else None)
-        )
-        folder = out / loaded.path.stem / f"campaign_{file_name(name)}"
-        check_writable(folder)
+        names, place = loaded.drawn(controller), out / loaded.path.stem
+        folders = {name: campaign_folder(place, name) for name in names}
+        check_writable(folders[names[0]])
         if replay is not None:
-            _replay(experiment, replay, controller, backend, folder / f"run_{replay}")
+            _replay(experiment, replay, names[0], backend, folders[names[0]] / f"run_{replay}")
             return
         try:
             with progress_bar() as progress:
-                task = progress.add_task(f"{loaded.path.stem}: {runs} runs", total=runs)
-                result = campaign(
-                    experiment, runs, folder, controller, threads, backend, scheduler, fresh,
-                    lambda done: progress.advance(task, done),
+                tasks = {name: progress.add_task(escape(f"{name}: {runs} runs"), total=runs) for name in names}
+                results = compare(
+                    experiment, runs, place, names, threads, backend, scheduler, fresh,
+                    lambda name, done: progress.advance(tasks[name], done),
                 )  # fmt: skip
         except KeyboardInterrupt:
-            finished = len(list(folder.glob("block_*.npz")))
+            finished = sum(len(list(folder.glob("block_*.npz"))) for folder in folders.values())
+            where = folders[names[0]] if len(names) == 1 else place
             typer.echo(
-                f"interrupted: {finished} finished blocks are kept in {folder}; the same command goes on", err=True
+                f"interrupted: {finished} finished blocks are kept in {where}; the same command goes on", err=True
             )
             raise typer.Exit(130) from None
-        files = campaign_plots.write(result, folder)
-    for part in tables(result):
+        written = {folders[name]: campaign_plots.write(result, folders[name]) for name, result in results.items()}
+        if len(names) > 1:
+            written[place / "comparison"] = campaign_plots.write_comparison(results, place / "comparison")
+    for part in comparison(results) if len(names) > 1 else tables(results[names[0]]):
         console.print(part, highlight=False)
-    say(f"{', '.join(file.name for file in files)} in {folder}")
+    for folder, files in written.items():
+        say(f"{', '.join(file.name for file in files)} in {folder}")
+
+
+def comparison(results: Mapping[str, CampaignResult]) -> Iterator[RenderableType]:
+    """One line for each controller: who fails, who succeeds, and how large errors are."""
+    some = next(iter(results.values()))
+    yield f"{len(some)} runs, seed {some.seed}, the same draws for each; bounds hold with 95 % confidence"
+    headers = ("controller", "failed [%]", "succeeded [%]", "RMS, median", "99 %", "worst")
+    table = Table(*headers, box=None, header_style="bold")
+    for name, result in results.items():
+        one = result.brief()
+        errors = ("failed" if one[key] is None else f"{one[key]:.2g}" for key in ("rms_median", "rms_99", "rms_worst"))
+        rates = (_percent(one[what], one[f"{what}_95"]) for what in ("failed", "success"))
+        table.add_row(escape(name), *rates, *errors)
+    yield table
+
+
+def _percent(share: float, bounds: list[float]) -> str:
+    low, high = (100.0 * bound for bound in bounds)
+    return f"{100.0 * share:.1f} ({low:.1f}-{high:.1f})"
 
 
 def tables(result: CampaignResult) -> Iterator[RenderableType]:
@@ -95,7 +120,7 @@ def tables(result: CampaignResult) -> Iterator[RenderableType]:
     yield worst
 
 
-def _replay(experiment: str, index: int, controller: str | None, backend: str, folder: Path) -> None:
+def _replay(experiment: str, index: int, controller: str, backend: str, folder: Path) -> None:
     from wmr_afl.analysis.files import keep_only, renewed, write_results
     from wmr_afl.experiments.campaigns import replay
     from wmr_afl.experiments.experiment import file_name

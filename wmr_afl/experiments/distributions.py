@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from wmr_afl.numerics.arrays import Floats
 from wmr_input.errors import FieldError
-from wmr_input.fields import NotNegative, Number, Positive, Table
+from wmr_input.fields import Names, NotNegative, Number, Positive, Table
 
 BLOCK = 1024  # runs; each block draws each quantity from its own stream, so that blocks can be run in any order
 PLACES = ("parameters", "start", "gains", "scale")  # tables of [campaign] that hold distributions
@@ -52,9 +52,9 @@ class SuccessTable(Table):
 
 
 class CampaignTable(Table):
-    """Many runs of one controller, the first unless named; errors count from `since` [s] on."""
+    """Many runs of one controller, the first unless named, or of several; errors count from `since` [s] on."""
 
-    controller: str | None = None
+    controller: Names | None = None
     seed: Annotated[int, Field(ge=0)] = 0
     since: NotNegative = 0.0
     parameters: dict[str, Distribution] = Field(default_factory=dict)  # physical

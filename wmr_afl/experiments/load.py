@@ -9,11 +9,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from wmr_afl.errors import UnknownNameError
+from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.experiments.assembly import assemble, model_of
 from wmr_afl.experiments.experiment import Experiment, find_experiment, read_experiment
 from wmr_afl.simulation.closed_loop import ClosedLoop
-from wmr_input.errors import shown
+from wmr_input.errors import mistakes_at, shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +34,24 @@ class Loaded:
         if not (isinstance(name, str) and name in self.loops):
             raise UnknownNameError("controller", name if isinstance(name, str) else shown(name), self.loops)
         return name
+
+    def drawn(self, controllers: Iterable[str] | str | None = None) -> list[str]:
+        """The controllers of a campaign: those that are given, or else those of [campaign], or else the first one.
+
+        Raises:
+            InputError: if the file names one that is not there, or one twice.
+            UnknownNameError: if there is no such controller.
+        """
+        if controllers is not None:
+            given = [controllers] if isinstance(controllers, str) else controllers
+            return list(dict.fromkeys(self.name(name) for name in given)) or [self.name()]
+        table = self.experiment.campaign
+        named = None if table is None else table.controller
+        with mistakes_at(self.path, "[campaign] controller"):
+            names = [self.name(name) for name in (named if isinstance(named, list) else [named])]
+            if len(set(names)) < len(names):
+                raise WmrError(f"names one twice: {', '.join(names)}", "name each once")
+        return names
 
 
 def load_experiment(name: str | Path) -> Loaded:

@@ -26,6 +26,7 @@ KNOWN = {
     "type_1_2": ("(1,2)", 2, "inverse"),
     "type_2_0": ("(2,0)", 2, "forward"),
     "type_2_0_caster": ("(2,0)", 3, "inverse"),
+    "type_2_0_uneven": ("(2,0)", 2, "forward"),
     "type_2_1": ("(2,1)", 2, "inverse"),
     "type_3_0": ("(3,0)", 1, "forward"),
 }

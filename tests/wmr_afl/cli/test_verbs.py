@@ -330,7 +330,7 @@ def test_an_interrupted_campaign_says_what_is_kept(short: Path, monkeypatch: pyt
     def interrupted(*arguments: Any, **options: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(campaigns, "campaign", interrupted)
+    monkeypatch.setattr(campaigns, "compare", interrupted)
     done = call("campaign", short, "--runs", 3, "--out", "out")
     assert done.exit_code == 130
     assert "interrupted: 0 finished blocks are kept in out/short/campaign_AFL" in done.stderr

@@ -1,6 +1,6 @@
 """Campaigns: many runs drawn from distributions, in blocks, here or on a cluster; continued if interrupted."""
 
 from wmr_afl.experiments.campaigns.result import CampaignResult
-from wmr_afl.experiments.campaigns.runner import campaign, replay
+from wmr_afl.experiments.campaigns.runner import campaign, campaign_folder, compare, replay
 
-__all__ = ["CampaignResult", "campaign", "replay"]
+__all__ = ["CampaignResult", "campaign", "campaign_folder", "compare", "replay"]

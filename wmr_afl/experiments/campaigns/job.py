@@ -51,7 +51,7 @@ class Job:
 
 
 def prepare(experiment: str | Path, controller: str | None = None, backend: str = "auto") -> Job:
-    """The campaign of an experiment, every name in it checked.
+    """The campaign of an experiment under one controller, its first one unless named; every name in it is checked.
 
     Raises:
         InputError: if the file has a mistake or no [campaign], or there is no such controller.
@@ -64,8 +64,7 @@ def prepare(experiment: str | Path, controller: str | None = None, backend: str 
     if table is None:
         example = "[campaign.scale] with m_C = { uniform = [0.8, 1.2] }"
         raise InputError(str(path), "[campaign]", "is missing", f"say what each run draws, for example {example}")
-    with mistakes_at(path, "[campaign] controller"):
-        name = loaded.name(controller or table.controller)
+    name = loaded.drawn(controller)[0]
     loop = loaded.loops[name]
     with mistakes_at(path, "[campaign] since"):
         if table.since > described.simulation.duration:
@@ -179,7 +178,7 @@ def _fingerprint(
         experiment.controller(controller).model_dump_json(),
         experiment.simulation.model_dump_json(),
         experiment.uncertainties.model_dump_json(),
-        table.model_dump_json(exclude={"success"}),
+        table.model_dump_json(exclude={"success", "controller"}),
         repr((sorted(experiment.parameters.items()), backend, BLOCK, sorted(identity.items()))),
     )
     return hashlib.sha256("\0".join(parts).encode() + numbers).hexdigest()

@@ -63,9 +63,21 @@ class CampaignResult:
         Raises:
             WmrError: if the confidence is not between 0 and 1.
         """
+        return self._rate(int(np.count_nonzero(self.succeeded)), confidence)
+
+    @checked
+    def failure_rate(self, confidence: float = 0.95) -> tuple[float, float, float]:
+        """The share of runs that failed, whatever else is wanted of them, with Wilson's bounds at this confidence.
+
+        Raises:
+            WmrError: if the confidence is not between 0 and 1.
+        """
+        return self._rate(int(np.count_nonzero(self.runs.failed)), confidence)
+
+    def _rate(self, count: int, confidence: float) -> tuple[float, float, float]:
         if not 0.0 < confidence < 1.0:
             raise WmrError(f"the confidence is {confidence:g}", "choose a number between 0 and 1, such as 0.95")
-        return wilson(int(np.count_nonzero(self.succeeded)), len(self), confidence)
+        return wilson(count, len(self), confidence)
 
     def quantiles(self, levels: ArrayLike = LEVELS) -> dict[str, Floats]:
         """Quantiles of the measures of all runs, by name, (levels,); a failed run's measures count as infinite.
@@ -111,6 +123,20 @@ class CampaignResult:
             "cause": str(self.runs.failure_cause[index]) or None,
             **{name: _finite(column[index]) for name, column in self.measures().items()},
         }
+
+    def brief(self) -> dict[str, Any]:
+        """What is compared between controllers, in types that JSON has: rates with bounds, quantiles of the RMS error.
+
+        The error is the largest of the outputs'; of a failed run it is infinite, and null here.
+        """
+        (success, *success_bounds), (failure, *failure_bounds) = self.success_rate(), self.failure_rate()
+        errors = self.runs.rms.max(axis=1)
+        median, most = np.quantile(errors, [0.5, 0.99], method="higher")
+        return {
+            "runs": len(self), "success": success, "success_95": success_bounds, "failed": failure,
+            "failed_95": failure_bounds, "rms_median": _finite(median), "rms_99": _finite(most),
+            "rms_worst": _finite(errors.max()),
+        }  # fmt: skip
 
     def summary(self) -> dict[str, Any]:
         """The whole result in types that JSON has; infinite measures are null."""

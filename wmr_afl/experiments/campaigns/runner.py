@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ from wmr_afl.experiments.campaigns.ledger import Ledger, clear, locked
 from wmr_afl.experiments.campaigns.result import IMPOSSIBLE, CampaignResult
 from wmr_afl.experiments.campaigns.workers import here, on_cluster
 from wmr_afl.experiments.distributions import BLOCK
+from wmr_afl.experiments.experiment import file_name
+from wmr_afl.experiments.load import load_experiment
 from wmr_afl.numerics.arguments import checked, to_write
 from wmr_afl.simulation.batch import BatchResult
 from wmr_afl.simulation.result import Run
@@ -55,6 +58,43 @@ def campaign(
         if fresh:
             clear(folder)
         return _run(job, runs, threads, scheduler, progress, Ledger(folder, job.fingerprint, job.identity))
+
+
+@checked
+def compare(
+    experiment: str | Path,
+    runs: int,
+    out: str | Path | None = None,
+    controllers: Iterable[str] | str | None = None,
+    threads: int = 1,
+    backend: str = "auto",
+    scheduler: str | None = None,
+    fresh: bool = False,
+    progress: Callable[[str, int], None] = lambda controller, done: None,
+) -> dict[str, CampaignResult]:
+    """A campaign of each of several controllers, which meet the same draws; by the controllers' names.
+
+    `controllers`: those of [campaign] unless given. `out`: a folder that holds one for each of them, `campaign_NAME`;
+    the other arguments are those of `campaign`.
+
+    Raises:
+        InputError: if the file has a mistake.
+        UnknownNameError: if there is no such experiment, controller or backend.
+        WmrError: if the number of runs is out of range, or the folder or the scheduler fails.
+    """
+    names = load_experiment(experiment).drawn(controllers)
+    for name in names:
+        prepare(experiment, name, backend)  # what is wrong with the last one is told before the first one runs
+    folders = {name: None if out is None else campaign_folder(to_write("out", out), name) for name in names}
+    return {
+        name: campaign(experiment, runs, folder, name, threads, backend, scheduler, fresh, partial(progress, name))
+        for name, folder in folders.items()
+    }
+
+
+def campaign_folder(out: Path, controller: str) -> Path:
+    """Where the campaign of a controller stands below the results of its experiment."""
+    return out / f"campaign_{file_name(controller)}"
 
 
 def _run(

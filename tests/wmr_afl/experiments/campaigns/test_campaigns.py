@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -337,3 +338,78 @@ def test_a_command_that_means_nothing_ends_in_one_line(short: Path, tmp_path: Pa
     assert process.returncode == 2
     assert errors.startswith("error: ")
     assert words in errors
+
+
+TWO = """
+[controllers.slower]
+estimate = 1.0
+outer_loop = { b1 = 1.0, b2 = 0.25 }
+adaptation = { gain = [10.0, 5.0, 10.0, 10.0, 1.0, 10.0] }
+projection = { lower = 0.1 }
+"""
+
+
+def two(short: Path, folder: Path, named: str = '["AFL", "slower"]') -> Path:
+    """The short campaign under two controllers."""
+    text = short.read_text()
+    path = folder / "two.toml"
+    start = text.index("[campaign]")
+    path.write_text(text[:start] + TWO + text[start:].replace("[campaign]", f"[campaign]\ncontroller = {named}", 1))
+    return path
+
+
+def test_several_controllers_meet_the_same_draws(short: Path, tmp_path: Path) -> None:
+    """Each gets what a campaign of its own gives; those of the file unless named, all checked before the first runs."""
+    path = two(short, tmp_path)
+    done: dict[str, int] = {}
+    results = wmr_afl.compare(path, 40, tmp_path / "out", progress=lambda name, n: done.update({name: n}))
+    assert list(results) == ["AFL", "slower"] == list(done)
+    for name, result in results.items():
+        alone = wmr_afl.campaign(path, 40, controller=name)
+        np.testing.assert_array_equal(result.runs.rms, alone.runs.rms)
+        for quantity, column in result.draws.items():
+            np.testing.assert_array_equal(column, results["AFL"].draws[quantity])
+        assert (tmp_path / "out" / f"campaign_{name}" / "block_000000.npz").exists()
+    assert not np.array_equal(results["AFL"].runs.rms, results["slower"].runs.rms)
+    assert list(wmr_afl.compare(path, 2, controllers="slower")) == ["slower"]
+    assert list(wmr_afl.compare(path, 2, controllers=["slower", "AFL", "slower"])) == ["slower", "AFL"]
+    assert list(wmr_afl.compare(short, 2)) == ["AFL"]
+    assert wmr_afl.campaign(path, 2).controller == "AFL"
+    with pytest.raises(WmrError, match="unknown controller 'PID'"):
+        wmr_afl.compare(path, 2, tmp_path / "other", ["AFL", "PID"])
+    assert not (tmp_path / "other").exists()
+
+
+@pytest.mark.parametrize(
+    ("named", "words"),
+    [
+        ('["AFL", "AFL"]', "names one twice: AFL, AFL"),
+        ('["AFL", "PID"]', "unknown controller 'PID'"),
+        ("[]", "a name, or a list of them"),
+        ("3", "a name, or a list of them"),
+    ],
+)
+def test_controllers_that_cannot_be_compared_are_told_with_their_place(
+    short: Path, tmp_path: Path, named: str, words: str
+) -> None:
+    with pytest.raises(InputError, match=re.escape(words)) as caught:
+        wmr_afl.compare(two(short, tmp_path, named), 2)
+    assert "campaign" in str(caught.value)
+    assert "controller" in str(caught.value)
+
+
+def test_the_command_compares_controllers(short: Path, tmp_path: Path) -> None:
+    """One line each, what each campaign writes, and a comparison of all."""
+    path = two(short, tmp_path)
+    process = start(path, "--runs", 30, cwd=tmp_path)
+    output, errors = process.communicate(timeout=60)
+    assert process.returncode == 0, errors
+    folder = tmp_path / "results" / "two"
+    found = json.loads((folder / "comparison" / "comparison.json").read_text())
+    assert list(found) == ["AFL", "slower"]
+    assert (folder / "comparison" / "comparison.png").stat().st_size > 5000
+    for name, one in found.items():
+        summary = json.loads((folder / f"campaign_{name}" / "summary.json").read_text())
+        assert summary["success"]["rate"] == one["success"]
+        low, high = one["failed_95"]
+        assert f"{100 * one['failed']:.1f} ({100 * low:.1f}-{100 * high:.1f})" in output

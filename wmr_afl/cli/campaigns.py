@@ -93,6 +93,11 @@ def comparison(results: Mapping[str, CampaignResult]) -> Iterator[RenderableType
     yield table
 
 
+def _drawn(value: float) -> str:
+    """Seeds are whole numbers, of which every digit counts."""
+    return str(value) if isinstance(value, int) else f"{value:.4g}"
+
+
 def _percent(share: float, bounds: list[float]) -> str:
     low, high = (100.0 * bound for bound in bounds)
     return f"{100.0 * share:.1f} ({low:.1f}-{high:.1f})"
@@ -116,7 +121,7 @@ def tables(result: CampaignResult) -> Iterator[RenderableType]:
         one = result.describe(index)
         error = max(result.runs.rms[index])
         came = f"RMS error {error:.3g}" if one["failed_at"] is None else f"failed at {one['failed_at']:g} s"
-        worst.add_row(str(index), came, ", ".join(f"{name} = {value:.4g}" for name, value in one["drawn"].items()))
+        worst.add_row(str(index), came, ", ".join(f"{name} = {_drawn(value)}" for name, value in one["drawn"].items()))
     yield worst
 
 

@@ -12,6 +12,7 @@ from wmr_afl.controllers.groups import Group, Rows, RowsOfGroups, groups_of, inn
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault, Part
+from wmr_afl.numerics.vectors import told
 
 SMALLEST = 1e-9  # of Y P0 Y^T, keeps 0/0 out before anything has moved
 LARGEST = 1e12  # of Y P0 Y^T: beyond, nothing is learned from a sample, so that the gain falls by a bounded factor only
@@ -60,7 +61,7 @@ class DirectAdaptation(Part):
         )
         yield (
             ~np.all(np.isfinite(k.inertia) & (k.inertia > 0), axis=-1),
-            lambda k: (f"the guess has the inertia {k.inertia}", "guess masses and inertias above zero"),
+            lambda k: (f"the guess has the inertia {told(k.inertia)}", "guess masses and inertias above zero"),
         )
 
     def learn(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from wmr_afl.controllers.modification import Modification
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault
-from wmr_afl.numerics.vectors import by_name, per_entry
+from wmr_afl.numerics.vectors import by_name, per_entry, told
 from wmr_input.fields import Named
 
 
@@ -38,7 +38,7 @@ class Leakage(Modification):
         return {"Sigma": self.sigma}
 
     def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
-        yield np.any(k.Sigma < 0, axis=-1), lambda k: (f"the leakage is {k.Sigma}", "choose zero or more")
+        yield np.any(k.Sigma < 0, axis=-1), lambda k: (f"the leakage is {told(k.Sigma)}", "choose zero or more")
 
     def modify(
         self,

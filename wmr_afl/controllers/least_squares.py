@@ -12,6 +12,7 @@ from wmr_afl.controllers.groups import Group, Rows, RowsOfGroups, inner
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault, Part
+from wmr_afl.numerics.vectors import told
 
 
 class LeastSquares(Part):
@@ -77,7 +78,7 @@ class LeastSquares(Part):
             yield ~np.all(np.isfinite(value) & (value > 0), axis=-1), _not_positive(name)
         yield (
             ~np.all(np.isfinite(k.spread) & (k.spread > 0), axis=-1),
-            lambda k: (f"the guess has the spread {k.spread}", "guess numbers that are not zero"),
+            lambda k: (f"the guess has the spread {told(k.spread)}", "guess numbers that are not zero"),
         )
 
     def learn(

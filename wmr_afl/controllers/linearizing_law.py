@@ -12,7 +12,7 @@ from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.linear_algebra import least_norm, regularity
 from wmr_afl.numerics.parts import Fault, Part
-from wmr_afl.numerics.vectors import per_entry
+from wmr_afl.numerics.vectors import per_entry, told
 
 
 class LinearizingLaw(Part):
@@ -36,7 +36,7 @@ class LinearizingLaw(Part):
 
     def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
         wrong = np.any(k.input_weights <= 0, axis=-1)
-        yield wrong, lambda k: (f"input weights are {k.input_weights}", "choose positive ones")
+        yield wrong, lambda k: (f"input weights are {told(k.input_weights)}", "choose positive ones")
 
     def inputs(
         self, x: Array, eta: Array, theta_hat: Array, c: Array, k: SimpleNamespace, model: Model

@@ -20,7 +20,7 @@ from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.linear_algebra import least_norm, regularity, solve
 from wmr_afl.numerics.parts import NOTHING, Fault, Part, Parts, prefixed
-from wmr_afl.numerics.vectors import per_entry
+from wmr_afl.numerics.vectors import per_entry, told
 
 
 class Effort(Part):
@@ -45,7 +45,7 @@ class Effort(Part):
 
     def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
         wrong = np.any(k.input_weights <= 0, axis=-1)
-        yield wrong, lambda k: (f"input weights are {k.input_weights}", "choose positive ones")
+        yield wrong, lambda k: (f"input weights are {told(k.input_weights)}", "choose positive ones")
         if self.limit is not None:
             wrong = ~np.all(k.limit > 0, axis=-1)
             yield wrong, lambda k: (f"the limit is {k.limit[0]:g} V", "choose a positive one")

@@ -13,6 +13,7 @@ from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault, Part
 from wmr_afl.numerics.rules import Rules
+from wmr_afl.numerics.vectors import told
 from wmr_input.errors import FieldError
 from wmr_input.fields import ByName, Positive, Table
 
@@ -77,13 +78,13 @@ class Projection(Part):
         return {name: bound for name, bound in bounds.items() if np.isfinite(bound).any()}
 
     def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
-        lower, upper = getattr(k, "lower", self.lower), getattr(k, "upper", self.upper)
+        def bounds(k: SimpleNamespace) -> tuple[Floats, Floats]:
+            return getattr(k, "lower", self.lower), getattr(k, "upper", self.upper)
+
+        lower, upper = bounds(k)
         yield (
             ~np.all(lower < upper, axis=-1),
-            lambda k: (
-                f"bounds {getattr(k, 'lower', self.lower)} to {getattr(k, 'upper', self.upper)} leave nothing",
-                "choose lower < upper",
-            ),
+            lambda k: (f"bounds {' to '.join(map(told, bounds(k)))} leave nothing", "choose lower < upper"),
         )
 
     def project(self, theta_hat: Array, k: SimpleNamespace, arrays: Arrays) -> Array:

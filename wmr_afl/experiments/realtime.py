@@ -141,8 +141,7 @@ class Controller(Fixed):
                     self._now[:] = kept
                     self._now[self._restarts] = 0.0
             if not is_sound:
-                problem = f"at t = {t} s what is inverted is singular, or x, t or what follows is not finite"
-                raise SimulationError(problem, UNSOUND)
+                raise SimulationError(f"at t = {t} s {self._unsound(time, measured)}", UNSOUND)
             self._clock[0] = time
             return self._out[:-2].copy()
 
@@ -202,6 +201,19 @@ class Controller(Fixed):
         if passed > self.max_gap:
             return 0.0
         return min(passed, LONGEST_STEP * self.sample_time)
+
+    def _unsound(self, time: float, measured: Floats) -> str:
+        """Why there are no voltages: the first cause that shows."""
+        if not isfinite(time):
+            return "the time is not finite"
+        wrong = [name for name, value in zip(self.model.state_units, measured, strict=True) if not isfinite(value)]
+        if wrong:
+            return f"{', '.join(wrong)} as measured {'is' if len(wrong) == 1 else 'are'} not finite"
+        return (
+            "what is inverted is singular"
+            if not self._out[-1] > 0.0
+            else "the voltages, or the estimates after them, are not finite"
+        )
 
     def _compiled_if_possible(self, step: ca.Function) -> tuple[Floats, Floats, Callable[[], None]]:
         """The states, room for the states before, and a call that advances them from t and x and leaves the inputs."""

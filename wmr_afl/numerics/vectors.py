@@ -35,6 +35,11 @@ def by_name(kind: str, given: Named, names: Sequence[str], missing: float | None
     return np.broadcast_to(array, (len(names),)).copy()
 
 
+def told(numbers: ArrayLike) -> str:
+    """Numbers in one line of a message: 1, -2.5, 3e-05."""
+    return ", ".join(f"{number:g}" for number in np.ravel(numbers))
+
+
 def per_entry(name: str, value: ArrayLike, size: int) -> Floats:
     """A number for all, or one for each entry, as (size,).
 

@@ -13,7 +13,7 @@ from wmr_afl.errors import WmrError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.parts import Fault
-from wmr_afl.numerics.vectors import per_entry
+from wmr_afl.numerics.vectors import per_entry, told
 from wmr_afl.plant.loads import Place
 from wmr_afl.plant.uncertainty import Resistance, Surroundings, Uncertainty, UncertaintyTable
 from wmr_input.fields import Numbers
@@ -72,7 +72,10 @@ class Friction(Uncertainty):
     def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
         yield (
             np.any((k.viscous < 0) | (k.coulomb < 0), axis=-1),
-            lambda k: (f"friction {k.viscous}, {k.coulomb} would drive the robot", "choose zero or more"),
+            lambda k: (
+                f"friction {told(k.viscous)} (viscous) and {told(k.coulomb)} (Coulomb) would drive the robot",
+                "choose zero or more",
+            ),
         )
 
     def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault
-from wmr_afl.numerics.vectors import per_entry
+from wmr_afl.numerics.vectors import per_entry, told
 from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
 from wmr_input.fields import Numbers
 
@@ -45,7 +45,10 @@ class InputLimits(Uncertainty):
         return {"volts": self.volts}
 
     def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
-        yield np.any(k.volts <= 0, axis=-1), lambda k: (f"the input limit is {k.volts}", "choose a positive voltage")
+        yield (
+            np.any(k.volts <= 0, axis=-1),
+            lambda k: (f"the input limit is {told(k.volts)}", "choose a positive voltage"),
+        )
 
     def applied(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> Array:
         return arrays.minimum(arrays.maximum(u, -k.volts), k.volts)

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault
-from wmr_afl.numerics.vectors import by_name, per_entry
+from wmr_afl.numerics.vectors import by_name, per_entry, told
 from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
 from wmr_input.fields import Named
 
@@ -50,7 +50,7 @@ class MeasurementNoise(Uncertainty):
     def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
         yield (
             np.any(k.deviation < 0, axis=-1),
-            lambda k: (f"the noise deviation is {k.deviation}", "choose zero or more"),
+            lambda k: (f"the noise deviation is {told(k.deviation)}", "choose zero or more"),
         )
 
     def measured(self, x: Array, sample: Array, k: SimpleNamespace, arrays: Arrays) -> Array:

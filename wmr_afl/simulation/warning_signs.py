@@ -57,12 +57,13 @@ def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping
     truth = loop.law.knowledge.truth(numbers["p"])
     low = numbers.get("projection.lower", np.full(len(names), -np.inf))
     high = numbers.get("projection.upper", np.full(len(names), np.inf))
+    wider = "raise learning.box" if "direct.inertia" in numbers else "widen its bounds"
     outside = np.flatnonzero(~((low <= truth) & (truth <= high)))
     if len(outside):
         first = outside[0]
         others = f" and the values of {', '.join(names[i] for i in outside[1:])}" if len(outside) > 1 else ""
         excluded = f"{names[first]} = {truth[first]:.3g}{others}"
-        yield f"the bounds {low[first]:g} to {high[first]:g} exclude {excluded} of this robot; widen them"
+        yield f"the bounds {low[first]:g} to {high[first]:g} exclude {excluded} of this robot; {wider}"
     sizes, usual = np.abs(estimate).max(axis=0), np.maximum(np.abs(estimate[0]), np.abs(truth))
     worst = int(np.argmax(sizes / np.maximum(usual, np.abs(truth).max() * 1e-3)))
     if sizes[worst] > GROWN * max(usual[worst], np.abs(truth).max() * 1e-3):
@@ -72,4 +73,4 @@ def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping
     for index, name in enumerate(names):
         share = float(np.mean((late[:, index] <= low[index]) | (late[:, index] >= high[index])))
         if share > STUCK:
-            yield f"the estimate of {name} lies at its bound in {share:.0%} of the last samples; widen its bounds"
+            yield f"the estimate of {name} lies at its bound in {share:.0%} of the last samples; {wider}"

@@ -33,8 +33,9 @@ from wmr_input.errors import mistakes_at
 
 Columns = dict[str, NDArray[Any]]  # results and draws of a block's runs, one row a run
 
-# Loops by fingerprint; the folder holds the model's files for as long as the loop may read them.
+# Loops by fingerprint, the last few; the folder holds the model's files for as long as the loop may read them.
 _ASSEMBLED: dict[str, tuple[ClosedLoop, tempfile.TemporaryDirectory[str]]] = {}
+MOST_ASSEMBLED = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +140,8 @@ def loop_of(job: Job) -> ClosedLoop:
         except BaseException:
             folder.cleanup()
             raise
+        if len(_ASSEMBLED) > MOST_ASSEMBLED:
+            _ASSEMBLED.pop(next(iter(_ASSEMBLED)))[1].cleanup()
     return _ASSEMBLED[job.fingerprint][0]
 
 

@@ -153,13 +153,17 @@ def test_what_cannot_be_controlled_is_reported_and_changes_nothing(
         monkeypatch.setattr(realtime, "Kernel", failing)
     controller = Controller.from_experiment("study_1")
     before = controller.estimate
-    with pytest.raises(SimulationError, match="not finite"):
+    with pytest.raises(SimulationError, match="x, y, phi, v, omega as measured are not finite"):
         controller.update(0.0, [np.nan] * 5)
     np.testing.assert_array_equal(controller.estimate, before)
-    for bad in ([15.0, 25.0, 0.0, np.nan, 0.0], [np.inf, 25.0, 0.0, 0.0, 0.0], [15.0, 25.0, 0.0, 1e200, 0.0]):
-        with pytest.raises(SimulationError, match="not finite"):
+    for bad, cause in (
+        ([15.0, 25.0, 0.0, np.nan, 0.0], "at t = 0.0 s v as measured is not finite"),
+        ([np.inf, 25.0, 0.0, 0.0, 0.0], "x as measured is not finite"),
+        ([15.0, 25.0, 0.0, 1e200, 0.0], "the voltages, or the estimates after them, are not finite"),
+    ):
+        with pytest.raises(SimulationError, match=cause):
             controller.update(0.0, bad)
-    with pytest.raises(SimulationError, match="not finite"):
+    with pytest.raises(SimulationError, match="the time is not finite"):
         controller.update(np.nan, [15.0, 25.0, 0.0, 0.0, 0.0])
     np.testing.assert_array_equal(controller.estimate, before)
     with pytest.raises(ShapeError, match=r"expected \(5,\): x, y, phi, v, omega"):

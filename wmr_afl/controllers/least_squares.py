@@ -128,9 +128,9 @@ class LeastSquares(Part):
         ]
         return self.groups.in_order([entry for block in blocks for entry in block], arrays)
 
-    def applied(self, u: Array, allocation: Array) -> dict[str, Array]:
-        """The states that depend on what reached the motors, u (n_u,)."""
-        return {"input_before": u, "effort_before": 0.5 * (allocation @ u)}
+    def applied(self, u: Array, allocation: Array, removed: Array = 0.0) -> dict[str, Array]:
+        """The states that depend on what reached the motors, u (n_u,); R u + `removed` (n-m,) is what tells of pi."""
+        return {"input_before": u, "effort_before": 0.5 * (allocation @ u) + removed}
 
 
 def _not_positive(name: str) -> Callable[[SimpleNamespace], tuple[str, str]]:

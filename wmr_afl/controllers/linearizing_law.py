@@ -43,5 +43,13 @@ class LinearizingLaw(Part):
     ) -> tuple[Array, Array]:
         """u [V] (n_u,), and whether Dhat is regular: see `linear_algebra.regularity`."""
         decoupling = model.decoupling_matrix(x, theta_hat, c)
-        right = eta - model.lie_f2_h(x, c) - model.lie_q_lie_f_h(x, theta_hat, c)
+        right = eta - self._drift(x, theta_hat, c, model)
         return least_norm(decoupling, right, k.input_weights, model.arrays), regularity(decoupling, model.arrays)
+
+    def acceleration(self, x: Array, u: Array, theta_hat: Array, c: Array, model: Model) -> Array:
+        """y'' (n-m,) that the estimated robot has under voltages u (n_u,), (20)."""
+        return self._drift(x, theta_hat, c, model) + model.decoupling_matrix(x, theta_hat, c) @ u
+
+    @staticmethod
+    def _drift(x: Array, theta_hat: Array, c: Array, model: Model) -> Array:
+        return model.lie_f2_h(x, c) + model.lie_q_lie_f_h(x, theta_hat, c)

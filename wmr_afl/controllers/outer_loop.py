@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import model_validator
 
 from wmr_afl.controllers.reference import Point
 from wmr_afl.model.model import Model
@@ -16,15 +17,30 @@ from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault, Part
 from wmr_afl.numerics.rules import Rules
 from wmr_afl.numerics.vectors import per_entry
-from wmr_input.fields import Numbers, Table
+from wmr_input.errors import FieldError
+from wmr_input.fields import Numbers, Positive, Table
 
 
 class OuterLoopTable(Table):
-    """Gains of (27) and (34)."""
+    """Gains of (27) and (34), or the bandwidth [1/s] from which b1 and b2 follow."""
 
-    b1: Numbers
-    b2: Numbers
+    b1: Numbers | None = None
+    b2: Numbers | None = None
+    bandwidth: Positive | None = None
     alpha: Numbers | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> OuterLoopTable:
+        gains = [self.b1, self.b2]
+        if (self.bandwidth is None) == (gains == [None, None]) or (None in gains and gains != [None, None]):
+            raise FieldError("gives neither b1 and b2 nor a bandwidth, or both", "give b1 and b2, or bandwidth")
+        return self
+
+    def gains(self, sample_time: float) -> tuple[Numbers, Numbers]:
+        """b1 [1/s] and b2 [1/s^2]."""
+        if self.b1 is not None and self.b2 is not None:
+            return self.b1, self.b2
+        return sampled_gains(self.bandwidth or 0.0, sample_time)
 
     def rules(self) -> Rules:
         """What follows from other numbers of the loop."""
@@ -44,12 +60,12 @@ class TrackingError:
 def tracking_error(x: Array, c: Array, reference: Point, model: Model) -> TrackingError:
     """The error of the outputs at state x; of angles the shorter way round, unless the reference counts turns."""
     e = model.output(x[: model.coordinate_count], c) - reference.position
-    return TrackingError(shorter_way(e, reference, model), model.output_rate(x, c) - reference.velocity)
+    return TrackingError(shorter_way(e, model, reference.counts_turns), model.output_rate(x, c) - reference.velocity)
 
 
-def shorter_way(e: Array, reference: Point, model: Model) -> Array:
-    """e with angles the shorter way round, unless the reference counts turns."""
-    angles = [unit == "rad" and not reference.counts_turns for unit in model.output_units.values()]
+def shorter_way(e: Array, model: Model, counts_turns: bool = False) -> Array:
+    """A difference of outputs with angles the shorter way round, unless turns are counted."""
+    angles = [unit == "rad" and not counts_turns for unit in model.output_units.values()]
     if not any(angles):
         return e
     arrays = model.arrays
@@ -104,6 +120,12 @@ class OuterLoop(Part):
     def filtered_error(self, error: TrackingError, k: SimpleNamespace) -> Array:
         """E1 (34), (n-m,)."""
         return error.e_dot + k.alpha * error.e
+
+
+def sampled_gains(bandwidth: float, sample_time: float) -> tuple[float, float]:
+    """b1 and b2 that put both poles of y'' = eta, sampled, at exp(-bandwidth T)."""
+    pole, T = float(np.exp(-bandwidth * sample_time)), sample_time
+    return (1.0 - pole) * (3.0 + pole) / (2.0 * T), (1.0 - pole) ** 2 / T**2
 
 
 def usual_alpha(b1: Floats, b2: Floats) -> Floats:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,7 @@ from wmr_afl.controllers.direct_adaptation import DirectAdaptation
 from wmr_afl.controllers.law import Action, Knowledge, Law
 from wmr_afl.controllers.least_squares import LeastSquares
 from wmr_afl.controllers.outer_loop import TrackingError, tracking_error
+from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
 from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.reference_model import ReferenceModel
@@ -89,6 +91,7 @@ class PassivityLaw(Law):
 
         v_r = E^-1 (yd' - lambda e)        s = v - v_r        a = E^-1 (yd'' - lambda e' - E' v_r) - lambda s
 
+    With an observer v = v^ from the pose, and a less c E^-1 d^: what is not modelled meets the estimated inertia (B1).
     yd is the reference behind a reference model. pi_hat moves by `direct` adaptation, by `least_squares`, by both
     (composite) or not at all, and stays within the box of `projection`. E and R are known: nothing that is estimated is
     inverted.
@@ -106,6 +109,8 @@ class PassivityLaw(Law):
         direct: DirectAdaptation | None = None,
         least_squares: LeastSquares | None = None,
         projection: Projection | None = None,
+        observer: PoseObserver | None = None,
+        cancelling: Cancelling | None = None,
     ) -> None:
         model = knowledge.model
         if knowledge.estimated != "passivity_parameters":
@@ -116,18 +121,22 @@ class PassivityLaw(Law):
         self.error, self.effort = ErrorDynamics(rate), effort or Effort(len(model.input_units))
         self.reference_model = ReferenceModel(len(model.output_units), reference_rate)
         self.projection = projection or Projection(len(knowledge.theta_hat))
-        self.parts: Parts[Part] = Parts(
-            (self.error, self.reference_model, self.effort, direct, least_squares, self.projection)
-        )
+        self.observer, self.cancelling = observer, cancelling
+        if cancelling is not None and observer is None:
+            raise MissingTermError("only an observer tells what there is to cancel", "add one")
+        own = (self.error, self.reference_model, self.effort, direct, least_squares, self.projection)
+        self.parts: Parts[Part] = Parts((*own, observer, cancelling))
 
     def act(
         self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> Action:
         """First learn from the sample that has ended, then command with what was learned."""
         arrays, n, rate = model.arrays, model.coordinate_count, k.error.rate[0]
+        seen = None if self.observer is None else self.observer.see(x, z.observer, k.observer, k.c, model, step)
+        x = x if seen is None else seen.x
         q, v = x[:n], x[n:]
         E, E_rate = model.output_map(q, k.c), model.output_map_rate(x, k.c)
-        from_reference = tracking_error(x, k.c, reference, model)
+        from_reference = tracking_error(x, k.c, reference, model) if seen is None else seen.error(reference, model)
         d = self.reference_model.distance(from_reference, z.reference_model, k.reference_model, arrays, step)
         error, wanted = self.reference_model.seen_from(from_reference, d, reference, k.reference_model, model)
         v_r = solve(E, wanted.velocity - rate * error.e, arrays)
@@ -137,13 +146,34 @@ class PassivityLaw(Law):
         pi_hat, following = self._learned(x, s, z, k, model, passed)
         pi_hat = arrays.where(step > 0.0, pi_hat, z.theta_hat)
         regressor, allocation = model.passivity_regressor(x, v_r, a, k.c), model.allocation(q, k.c)
-        u, beyond = self.effort.inputs(allocation, regressor @ pi_hat, k.effort, model)
+        wanted_effort, observed = regressor @ pi_hat, dict[str, Any]()
+        if self.cancelling is not None and seen is not None:
+            cancelled = self.cancelling.cancelled(solve(E, seen.unexpected, arrays), z.cancelling, k.cancelling, arrays)
+            inertia = self._inertia(x, pi_hat, k.c, model)
+            wanted_effort = wanted_effort - inertia @ cancelled
+            fast = self.cancelling.fast(cancelled, z.cancelling)
+            observed = {"cancelled": cancelled, "removed": inertia @ fast}
+        u, beyond = self.effort.inputs(allocation, wanted_effort, k.effort, model)
+        if seen is not None:
+            a_c = a - observed["cancelled"] if observed else a
+            expected = E @ (a_c / beyond) + seen.unexpected + E_rate @ v
+            observed = {**observed, "seen": seen, "expected": expected, "beyond": beyond}
         regular = arrays.minimum(regularity(E, arrays), regularity(allocation, arrays))
         memory = {
             "theta_hat": pi_hat, "following": following, "distance": d, "regressor": regressor,
-            "allocation": allocation, "is_free": arrays.where(beyond > 1.0, 0.0, 1.0),
+            "allocation": allocation, "is_free": arrays.where(beyond > 1.0, 0.0, 1.0), **observed,
         }  # fmt: skip
         return Action(u, regular, memory)
+
+    def _inertia(self, x: Array, pi_hat: Array, c: Array, model: Model) -> Array:
+        """Delta^-1 Mbar of the estimated robot, (n-m, n-m): column by column, for Y is linear in (v_r, a)."""
+        count, arrays = model.pseudo_velocity_count, model.arrays
+        unit = np.eye(count)
+        columns = [
+            model.passivity_regressor(x, arrays.vector([0.0] * count), arrays.vector(list(unit[j])), c) @ pi_hat
+            for j in range(count)
+        ]
+        return arrays.matrix([[column[i] for column in columns] for i in range(count)])
 
     def _learned(
         self, x: Array, s: Array, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
@@ -185,6 +215,12 @@ class PassivityLaw(Law):
             seen = self.direct.update(known["regressor"], known["is_free"], z.direct, k.direct, arrays)
             following |= prefixed("direct", seen)
         if self.least_squares is not None:
-            data = {**known["following"], **self.least_squares.applied(applied, known["allocation"])}
+            removed = known["removed"] / known["beyond"] if "removed" in known else 0.0
+            data = {**known["following"], **self.least_squares.applied(applied, known["allocation"], removed)}
             following |= prefixed("least_squares", data)
+        if self.observer is not None:
+            following |= prefixed("observer", self.observer.update(known["seen"], known["expected"], arrays))
+        if self.cancelling is not None:
+            moved = self.cancelling.update(known["cancelled"], z.cancelling, k.cancelling, arrays, step)
+            following |= prefixed("cancelling", moved)
         return following

@@ -66,7 +66,7 @@ class ReferenceModel(Part):
             reference.acceleration - 2.0 * r * d.e_dot - r * r * d.e,
             reference.counts_turns,
         )
-        return TrackingError(shorter_way(error.e - d.e, reference, model), error.e_dot - d.e_dot), wanted
+        return TrackingError(shorter_way(error.e - d.e, model, reference.counts_turns), error.e_dot - d.e_dot), wanted
 
     def update(self, d: TrackingError, arrays: Arrays) -> dict[str, Array]:
         """The states one sample later."""

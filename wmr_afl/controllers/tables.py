@@ -11,6 +11,7 @@ from wmr_afl.controllers.adaptation import AdaptationTable
 from wmr_afl.controllers.direct_adaptation import guessed_inertia
 from wmr_afl.controllers.groups import RowsOfGroups, groups_of
 from wmr_afl.controllers.outer_loop import OuterLoopTable
+from wmr_afl.controllers.pose_observer import ObserverTable
 from wmr_afl.controllers.projection import ProjectionTable
 from wmr_afl.controllers.robust_term import RobustTable
 from wmr_afl.model.model import Model
@@ -24,6 +25,9 @@ LINEARIZING = ("outer_loop", "adaptation", "projection", "robust")  # keys of th
 PASSIVE = ("rate", "learning", "limit")  # keys of the others only
 FASTEST = 15.0  # [1/s] of the loop, unless a rate is given: what is measured and modelled is seldom good beyond
 SHARE = 0.3  # of 1/(sample time)
+OBSERVER_SHARE = 0.6  # of 1/(sample time): rate of the observer, twice the loop's
+POSE_SHARE_OF_DELAY = 0.4  # of 1/delay, where an observer cancels what the delay adds
+NOISE, NOISE_OBSERVED = 0.05, 0.5  # r [V s^1/2] of least squares, without and with an observer
 SHARE_OF_DELAY = 0.25  # of 1/delay
 KAPPA = {"composite": 5.0, "direct": 20.0}  # [1/s], less beside least squares
 SLOWER = 10.0  # times is the reference model slower than the loop
@@ -33,7 +37,7 @@ class LearningTable(Table):
     """How the composite and the direct law learn; every number has a default that needs no tuning."""
 
     gain: Positive | None = None  # kappa of the direct adaptation [1/s]
-    noise: Positive = 0.05  # r [V s^1/2]: what the equation of motion leaves unexplained
+    noise: Positive | None = None  # r [V s^1/2]: what the equation of motion leaves unexplained
     filter: Positive = 0.1  # tau [s]
     memory: Positive = 200.0  # T [s]
     box: Positive = 4.0  # estimates stay within the guess divided and multiplied by this
@@ -64,16 +68,38 @@ class ControllerTable(Table):
     reference_rate: Positive | None = None  # of the reference model [1/s]; the linearizing law has one only if given
     learning: LearningTable = LearningTable()
     limit: Positive | None = None  # of the inputs [V]; that of the drive unless given
+    measures: Literal["state", "pose"] = "state"  # whether v is measured, too
+    observer: ObserverTable | None = None  # of what is not modelled, and of v unless it is measured; has defaults
 
     @property
     def estimated(self) -> str:
         """The generated function whose values are estimated."""
         return "base_parameters" if self.law == "linearizing" else "passivity_parameters"
 
+    @property
+    def observing(self) -> ObserverTable | None:
+        """The observer's table, where there is one."""
+        return self.observer or (ObserverTable() if self.measures == "pose" else None)
+
+    @property
+    def noise(self) -> float:
+        """r [V s^1/2]: what is cancelled disturbs the data, too."""
+        return self.learning.noise or (NOISE if self.observing is None else NOISE_OBSERVED)
+
     def rates(self, sample_time: float, delay: float) -> tuple[float, float]:
         """Of loop and reference model [1/s], for a drive that is `delay` [s] late."""
-        rate = self.rate or min(SHARE / sample_time, FASTEST, SHARE_OF_DELAY / delay if delay else FASTEST)
+        if self.measures == "pose":
+            bandwidth = min(SHARE / sample_time, POSE_SHARE_OF_DELAY / delay if delay else np.inf)
+            usual = (1.0 - np.exp(-bandwidth * sample_time)) / sample_time  # both sampled poles of the loop there
+        else:
+            usual = min(SHARE / sample_time, FASTEST, SHARE_OF_DELAY / delay if delay else FASTEST)
+        rate = self.rate or float(usual)
         return rate, self.reference_rate or rate / SLOWER
+
+    def observer_rate(self, sample_time: float) -> float:
+        """wo [1/s] of the observer."""
+        given = self.observing
+        return (given.rate if given is not None else None) or OBSERVER_SHARE / sample_time
 
     def rules(self, model: Model) -> Rules:
         """What follows from other numbers of the loop: c and theta_hat(0) from p, gains and bounds from these."""

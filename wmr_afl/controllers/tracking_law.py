@@ -11,6 +11,7 @@ from wmr_afl.controllers.adaptation import GradientAdaptation
 from wmr_afl.controllers.law import Action, Knowledge, Law
 from wmr_afl.controllers.linearizing_law import LinearizingLaw
 from wmr_afl.controllers.outer_loop import OuterLoop, tracking_error
+from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
 from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
@@ -41,7 +42,8 @@ class LastRegressor(Part):
 class TrackingLaw(Law):
     """u = Dhat^-1 (eta - L_f^2 h - L_q L_f h_hat) with theta_hat' = Gamma W^T E1 (25); without adaptation frozen.
 
-    A robust term (71) joins eta (74). With a reference model the reference begins where the robot is.
+    A robust term (71) joins eta (74). With a reference model the reference begins where the robot is. With an observer
+    v comes from the pose, and what is not modelled is taken out of eta.
 
     Raises:
         MissingTermError: if the model cannot be adapted.
@@ -55,6 +57,8 @@ class TrackingLaw(Law):
         adaptation: GradientAdaptation | None = None,
         robust: RobustTerm | None = None,
         reference_model: ReferenceModel | None = None,
+        observer: PoseObserver | None = None,
+        cancelling: Cancelling | None = None,
     ) -> None:
         model = knowledge.model
         if adaptation is not None and not model.has("regressor"):
@@ -70,15 +74,25 @@ class TrackingLaw(Law):
         self.reference_model = reference_model
         is_late = adaptation is not None and adaptation.is_late
         self.last = LastRegressor(len(model.output_units), len(knowledge.units)) if is_late else None
-        self.parts: Parts[Part] = Parts(
-            (self.outer_loop, self.linearizing, *adapting, self.robust, self.reference_model, self.last)
-        )
+        self.observer, self.cancelling = observer, cancelling
+        if cancelling is not None and observer is None:
+            raise MissingTermError("only an observer tells what there is to cancel", "add one")
+        own = (self.outer_loop, self.linearizing, *adapting, self.robust, self.reference_model, self.last)
+        self.parts: Parts[Part] = Parts((*own, observer, cancelling))
 
     def act(
         self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> Action:
         """The command at the measured state x, (25), (27), (74)."""
-        error, memory = tracking_error(x, k.c, reference, model), dict[str, Any]()
+        memory, cancelled = dict[str, Any](), None
+        if self.observer is None:
+            error = tracking_error(x, k.c, reference, model)
+        else:
+            seen = self.observer.see(x, z.observer, k.observer, k.c, model, step)
+            x, error, memory = seen.x, seen.error(reference, model), {"seen": seen}
+            if self.cancelling is not None:
+                cancelled = self.cancelling.cancelled(seen.unexpected, z.cancelling, k.cancelling, model.arrays)
+                memory["cancelled"] = cancelled
         if self.reference_model is not None:
             memory["distance"] = self.reference_model.distance(
                 error, z.reference_model, k.reference_model, model.arrays, step
@@ -91,6 +105,8 @@ class TrackingLaw(Law):
         if self.robust is not None:
             v = x[model.coordinate_count :]
             eta = eta + self.robust.acceleration(v, filtered_error, z.robust, model.arrays)
+        if cancelled is not None:
+            eta = eta - cancelled
         theta_hat = z.theta_hat
         if self.last is not None:
             theta_hat = self._adapted(
@@ -118,7 +134,8 @@ class TrackingLaw(Law):
         step: Array,
     ) -> dict[str, Array]:
         """(25), (72), (73)."""
-        filtered_error = action.memory["filtered_error"]
+        filtered_error, seen = action.memory["filtered_error"], action.memory.get("seen")
+        x = x if seen is None else seen.x
         following = {"theta_hat": action.memory.get("theta_hat", z.theta_hat)}
         if self.adaptation is not None:
             seen = applied if self.adaptation.sees_applied else action.input
@@ -136,4 +153,11 @@ class TrackingLaw(Law):
         if self.reference_model is not None:
             moved = self.reference_model.update(action.memory["distance"], model.arrays)
             following |= prefixed(self.reference_model.name, moved)
+        if self.observer is not None and seen is not None:
+            expected = self.linearizing.acceleration(x, applied, action.memory["theta_hat"], k.c, model)
+            observed = self.observer.update(seen, expected + seen.unexpected, model.arrays)
+            following |= prefixed(self.observer.name, observed)
+        if self.cancelling is not None:
+            moved = self.cancelling.update(action.memory["cancelled"], z.cancelling, k.cancelling, model.arrays, step)
+            following |= prefixed(self.cancelling.name, moved)
         return following

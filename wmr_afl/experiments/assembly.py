@@ -19,6 +19,7 @@ from wmr_afl.controllers.least_squares import LeastSquares
 from wmr_afl.controllers.linearizing_law import LinearizingLaw
 from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.passivity_law import Effort, PassivityLaw
+from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
 from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Reference, ReferenceTable
 from wmr_afl.controllers.reference_model import ReferenceModel
@@ -163,14 +164,16 @@ class _Assembly:
         with self.at(place("guess" if table.guess else "estimate")):
             direct = least_squares = projection = None
             if table.law != "frozen":
-                gain = learning.gain or KAPPA[table.law]
-                direct = DirectAdaptation(groups, gain, numbers["direct.inertia"], numbers["direct.spread"])
+                # What integrates, integrates once: beside an observer least squares alone learn, unless told otherwise.
+                if table.law == "direct" or table.observing is None or learning.gain is not None:
+                    gain = learning.gain or KAPPA[table.law]
+                    direct = DirectAdaptation(groups, gain, numbers["direct.inertia"], numbers["direct.spread"])
                 projection = Projection(
                     len(knowledge.theta_hat), numbers["projection.lower"], numbers["projection.upper"]
                 )
             if table.law == "composite":
                 prior = numbers["least_squares.prior"], numbers["least_squares.spread"]
-                numbers_given = (learning.noise, learning.filter, learning.memory)
+                numbers_given = (table.noise, learning.filter, learning.memory)
                 least_squares = LeastSquares(groups, len(model.input_units), *prior, *numbers_given)
         step, late = self.experiment.simulation.sample_time, self.experiment.uncertainties.input_delay
         with self.at(place("learning")):
@@ -179,15 +182,27 @@ class _Assembly:
                     f"memory = {learning.memory:g} s is no window of samples", f"choose {FEWEST * step:g} or more"
                 )
         rates = table.rates(step, 0.0 if late is None else late.seconds)
+        observer, cancelling = self._observer(table)
         with self.at(f"[controllers.{name}]"):
-            return PassivityLaw(knowledge, *rates, effort, direct, least_squares, projection)
+            return PassivityLaw(knowledge, *rates, effort, direct, least_squares, projection, observer, cancelling)
+
+    def _observer(self, table: ControllerTable) -> tuple[PoseObserver | None, Cancelling | None]:
+        """What looks at the pose, and what is made of it."""
+        given, step = table.observing, self.experiment.simulation.sample_time
+        if given is None:
+            return None, None
+        outputs = len(self.model.output_units)
+        observer = PoseObserver(outputs, table.observer_rate(step), table.measures == "state")
+        cancelling = Cancelling(outputs, given.start, given.ramp, given.band, given.separate) if given.cancel else None
+        return observer, cancelling
 
     def _linearizing(self, name: str, table: ControllerTable, place: Callable[[str], str]) -> TrackingLaw:
         model = self.model
         with self.at(place("outer_loop")):
             if table.outer_loop is None:
                 raise WmrError("is missing", "add outer_loop = { b1 = ..., b2 = ... } here or under [shared]")
-            outer_loop = OuterLoop(len(model.output_units), **table.outer_loop.model_dump())
+            gains = table.outer_loop.gains(self.experiment.simulation.sample_time)
+            outer_loop = OuterLoop(len(model.output_units), *gains, table.outer_loop.alpha)
         knowledge, numbers = self._knowledge(name, table, place)
         adaptation = self._adaptation(name, table, numbers)
         with self.at(place("input_weights")):
@@ -197,7 +212,9 @@ class _Assembly:
         with self.at(f"[controllers.{name}]"):
             rate, outputs = table.reference_rate, len(model.output_units)
             reference_model = None if rate is None else ReferenceModel(outputs, rate)
-            return TrackingLaw(knowledge, outer_loop, linearizing, adaptation, robust, reference_model)
+            return TrackingLaw(
+                knowledge, outer_loop, linearizing, adaptation, robust, reference_model, *self._observer(table)
+            )
 
     def _adaptation(self, name: str, table: ControllerTable, numbers: Numbers) -> GradientAdaptation | None:
         thetas = list(self.model.base_parameter_units)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.law import Law
+from wmr_afl.controllers.pose_observer import PoseObserver
 from wmr_afl.controllers.reference import Reference
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.errors import CompilerError, ShapeError, SimulationError, WmrError
@@ -84,7 +85,8 @@ class Controller(Fixed):
         self._start = self._layout.pack(disjoint(law.states, self.drive.states))
         places = {name: place for name, place in self._layout.places.items() if name.endswith(".is_running")}
         self._restarts = [place.start for place in places.values()]
-        self._comparing = [place.start for name, place in places.items() if not name.startswith(ReferenceModel.name)]
+        exact = tuple(f"{part.name}." for part in (ReferenceModel, PoseObserver))  # go by the time that has passed
+        self._comparing = [place.start for name, place in places.items() if not name.startswith(exact)]
         self._usual = (1.0 - SAME) * self.sample_time, (1.0 + SAME) * self.sample_time
         self._given, self._t, self._out = np.zeros(self._size + 1), np.zeros(1), np.zeros(self._inputs + 2)
         self._x, self._step_given = self._given[:-1], self._given[-1:]

@@ -1,0 +1,169 @@
+"""Velocities, and what nobody modelled, from the pose alone; and the part of it that a law takes out of its command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+
+from wmr_afl.controllers.outer_loop import TrackingError, shorter_way
+from wmr_afl.controllers.reference import Point
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.linear_algebra import solve
+from wmr_afl.numerics.parts import Fault, Part
+from wmr_input.fields import NotNegative, Positive, Table
+
+
+class ObserverTable(Table):
+    """How the pose is looked at; every number has a default that needs no tuning."""
+
+    rate: Positive | None = None  # wo of the observer [1/s], 0.6/(sample time) unless given
+    cancel: bool = True  # whether what is not modelled is taken out of the command
+    separate: bool = True  # whether the fast part of that is kept out of the data of least squares
+    start: NotNegative = 2.0  # [s], from when it is cancelled: learn first
+    ramp: Positive = 2.0  # [s], how slowly cancelling begins
+    band: Positive = 1.0  # tau_d [s]: slower mismatch still teaches the estimates
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What an observer makes of a sample: the state, y and y' there, and what y'' has that was not expected."""
+
+    x: Array  # q as measured and v, (2n-m,)
+    y: Array  # (n-m,)
+    y_rate: Array
+    unexpected: Array  # d^ [output units/s^2]
+
+    def error(self, reference: Point, model: Model) -> TrackingError:
+        """y^ - yr and its rate."""
+        e = shorter_way(self.y - reference.position, model, reference.counts_turns)
+        return TrackingError(e, self.y_rate - reference.velocity)
+
+
+class PoseObserver(Part):
+    """y^, y'^ and d^ from y = h(q) alone; v^ = E^-1 y'^. It needs no model, only the acceleration that was asked for.
+
+    From sample to sample, T after the last one, with i = y - y^ and all error poles at B = exp(-rate T):
+
+        y^ += T y'^ + T^2/2 y''      y'^ += T y''
+        y^ += (1 - B^3) i            y'^ += 1.5 (1 - B)^2 (1 + B) i/T            d^ += (1 - B)^3 i/T^2
+
+    y'' is what the law expects of the voltages that reach the motors, d^ included, so that nothing winds up at a limit.
+    At the first sample y^ = y, y'^ = d^ = 0. With `measures_v` the state's own v is taken, and d^ alone is estimated.
+    `rate` [1/s].
+
+    Raises:
+        WmrError: if the rate is not positive.
+
+    References: an extended high-gain observer, as in Khalil, Praly, High-gain observers in nonlinear feedback control,
+    Int. J. Robust and Nonlinear Control 24, 2014, with sampled poles.
+    """
+
+    name = "observer"
+
+    def __init__(self, outputs: int, rate: float, measures_v: bool = False) -> None:
+        self.outputs, self.rate, self.measures_v = outputs, np.array([float(rate)]), measures_v
+        self.check_numbers()
+
+    @property
+    def values(self) -> dict[str, Floats]:
+        return {"rate": self.rate}
+
+    @property
+    def states(self) -> dict[str, Floats]:
+        of_outputs = {name: np.zeros(self.outputs) for name in ("y", "y_rate", "acceleration", "unexpected")}
+        return {**of_outputs, "is_running": np.zeros(1)}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield (
+            ~np.all(np.isfinite(k.rate) & (k.rate > 0), axis=-1),
+            lambda k: (f"the rate of the observer is {k.rate[0]:g}", "choose a positive number [1/s]"),
+        )
+
+    def see(self, x: Array, z: SimpleNamespace, k: SimpleNamespace, c: Array, model: Model, step: Array) -> Seen:
+        """What this sample tells; of x (2n-m,) only q is looked at unless v is measured, too."""
+        arrays, n, runs = model.arrays, model.coordinate_count, z.is_running[0]
+        q, passed = x[:n], arrays.where(step > 0.0, step, 1.0)
+        y, E = model.output(q, c), model.output_map(q, c)
+        expected = runs * (z.y + step * z.y_rate + 0.5 * step * step * z.acceleration) + (1.0 - runs) * y
+        expected_rate = runs * (z.y_rate + step * z.acceleration)
+        innovation = shorter_way(y - expected, model)  # a measured angle may jump by a turn
+        B = arrays.exp(-k.rate[0] * passed)
+        y_seen = expected + (1.0 - B * B * B) * innovation
+        rate_seen = expected_rate + 1.5 * (1.0 - B) * (1.0 - B) * (1.0 + B) / passed * innovation
+        unexpected = runs * z.unexpected + (1.0 - B) * (1.0 - B) * (1.0 - B) / (passed * passed) * innovation
+        if self.measures_v:
+            rate_seen = E @ x[n:]
+            return Seen(x, y, rate_seen, unexpected)
+        return Seen(arrays.join([q, solve(E, rate_seen, arrays)]), y_seen, rate_seen, unexpected)
+
+    def update(self, seen: Seen, acceleration: Array, arrays: Arrays) -> dict[str, Array]:
+        """The states one sample later; `acceleration` y'' as the law expects it, d^ included."""
+        return {
+            "y": seen.y,
+            "y_rate": seen.y_rate,
+            "acceleration": acceleration,
+            "unexpected": seen.unexpected,
+            "is_running": arrays.vector([1.0]),
+        }
+
+
+def _not_positive(name: str) -> Callable[[SimpleNamespace], tuple[str, str]]:
+    return lambda k: (f"the {name} of cancelling is {getattr(k, name)[0]:g} s", "choose a positive time")
+
+
+class Cancelling(Part):
+    """What is taken out of the command of what was not expected: c d^, in accelerations of v.
+
+    c is 0 until `start` [s] and then 1 - exp(-(t - start)/ramp): learn first. Its part that is faster than `band`
+    [s] is kept out of the data of least squares, which would take it for a property of the robot.
+
+    Raises:
+        WmrError: if a number is negative, or ramp or band are not positive.
+    """
+
+    name = "cancelling"
+
+    def __init__(self, count: int, start: float = 2.0, ramp: float = 2.0, band: float = 1.0, separates: bool = True):
+        self.count, self.separates = count, separates
+        self.numbers = {"start": float(start), "ramp": float(ramp), "band": float(band)}
+        self.check_numbers()
+
+    @property
+    def values(self) -> dict[str, Floats]:
+        return {name: np.array([value]) for name, value in self.numbers.items()}
+
+    @property
+    def states(self) -> dict[str, Floats]:
+        return {"elapsed": np.zeros(1), "slow": np.zeros(self.count)}
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield (
+            ~np.all(np.isfinite(k.start) & (k.start >= 0), axis=-1),
+            lambda k: (f"cancelling starts at {k.start[0]:g} s", "choose zero or more"),
+        )
+        for name in ("ramp", "band"):
+            value = getattr(k, name)
+            yield (
+                ~np.all(np.isfinite(value) & (value > 0), axis=-1),
+                _not_positive(name),
+            )
+
+    def cancelled(self, acceleration: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> Array:
+        """c E^-1 d^, (n-m,), of `acceleration` E^-1 d^."""
+        since = arrays.maximum(z.elapsed[0] - k.start[0], 0.0)
+        return (1.0 - arrays.exp(-since / k.ramp[0])) * acceleration
+
+    def fast(self, cancelled: Array, z: SimpleNamespace) -> Array:
+        """The part of it that is too fast to be a property of the robot, (n-m,)."""
+        return cancelled - z.slow if self.separates else 0.0 * cancelled
+
+    def update(
+        self, cancelled: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays, step: Array
+    ) -> dict[str, Array]:
+        """The states one sample later."""
+        kept = arrays.exp(-step / k.band[0])
+        return {"elapsed": z.elapsed + step, "slow": kept * z.slow + (1.0 - kept) * cancelled}

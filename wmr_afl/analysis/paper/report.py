@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from wmr_afl.analysis.excitation import excitation
+from wmr_afl.analysis.excitation import excitation, sentence
 from wmr_afl.analysis.metrics import SETTLED, metrics
 from wmr_afl.analysis.paper.claims import CLAIMS
 from wmr_afl.analysis.paper.figures import FIGURES
@@ -77,13 +77,24 @@ def _metrics(run: Run) -> dict[str, Any]:
         "largest_estimate": f"{found['largest_estimate']:.3g}" if "largest_estimate" in found else "–",
         "failure": found["failure"] or "",
         "warnings": run.warnings,
+        "conditions": [{"text": str(one), "holds": one.holds, "share": f"{one.share:.2%}"} for one in run.conditions],
+        "estimates": _estimates(run),
     }
+
+
+def _estimates(run: Run) -> list[str]:
+    """Each estimate at the end with its deviation, of a law that knows one, and what stays undetermined."""
+    if run.deviation is None or not len(run.deviation):
+        return []
+    rows = zip(run.estimate_units.items(), run.estimate[-1], run.deviation[-1], strict=True)
+    told = [f"{name} = {last:.4g} ± {deviation:.2g} {unit}" for (name, unit), last, deviation in rows]
+    return [*told, *filter(None, [sentence(run)])]
 
 
 def _excitation(runs: Runs) -> dict[str, Any] | None:
     """What the reference determines, from the first controller's run without its first 20 s; None if it failed."""
     run = next(iter(runs.values()))
-    theta = np.asarray(run.model.base_parameters(run.parameters))
+    theta = np.asarray(getattr(run.model, run.estimated)(run.parameters))
     try:
         found = excitation(run, theta, window=40.0, since=20.0)
     except SimulationError:

@@ -64,6 +64,7 @@ class Law(Fixed):
     parts: Parts[Part]
     adapts: bool  # whether its estimates move
     knows_deviation: bool = False  # of its estimates
+    lead: float = 0.0  # [s]: how much later than now the reference counts that it is given
 
     @property
     def values(self) -> dict[str, Floats]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,11 +11,11 @@ from numpy.typing import ArrayLike
 from wmr_afl.controllers.direct_adaptation import DirectAdaptation
 from wmr_afl.controllers.law import Action, Knowledge, Law
 from wmr_afl.controllers.least_squares import LeastSquares
-from wmr_afl.controllers.outer_loop import TrackingError, tracking_error
-from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
+from wmr_afl.controllers.outer_loop import TrackingError
 from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.reference_model import ReferenceModel
+from wmr_afl.controllers.sight import Sight
 from wmr_afl.errors import MissingTermError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
@@ -109,8 +108,7 @@ class PassivityLaw(Law):
         direct: DirectAdaptation | None = None,
         least_squares: LeastSquares | None = None,
         projection: Projection | None = None,
-        observer: PoseObserver | None = None,
-        cancelling: Cancelling | None = None,
+        sight: Sight | None = None,
     ) -> None:
         model = knowledge.model
         if knowledge.estimated != "passivity_parameters":
@@ -121,47 +119,44 @@ class PassivityLaw(Law):
         self.error, self.effort = ErrorDynamics(rate), effort or Effort(len(model.input_units))
         self.reference_model = ReferenceModel(len(model.output_units), reference_rate)
         self.projection = projection or Projection(len(knowledge.theta_hat))
-        self.observer, self.cancelling = observer, cancelling
-        if cancelling is not None and observer is None:
-            raise MissingTermError("only an observer tells what there is to cancel", "add one")
+        self.sight = sight or Sight()
+        self.lead = self.sight.lead
         own = (self.error, self.reference_model, self.effort, direct, least_squares, self.projection)
-        self.parts: Parts[Part] = Parts((*own, observer, cancelling))
+        self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 
     def act(
         self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> Action:
         """First learn from the sample that has ended, then command with what was learned."""
         arrays, n, rate = model.arrays, model.coordinate_count, k.error.rate[0]
-        seen = None if self.observer is None else self.observer.see(x, z.observer, k.observer, k.c, model, step)
-        x = x if seen is None else seen.x
-        q, v = x[:n], x[n:]
-        E, E_rate = model.output_map(q, k.c), model.output_map_rate(x, k.c)
-        from_reference = tracking_error(x, k.c, reference, model) if seen is None else seen.error(reference, model)
+        view = self.sight.look(x, z, k, model, step)
+        x = view.x
+        q, v, E_rate = x[:n], x[n:], model.output_map_rate(x, k.c)
+        E = model.output_map(q, k.c) if view.E is None else view.E
+        from_reference = view.error(reference, k.c, model)
         d = self.reference_model.distance(from_reference, z.reference_model, k.reference_model, arrays, step)
         error, wanted = self.reference_model.seen_from(from_reference, d, reference, k.reference_model, model)
         v_r = solve(E, wanted.velocity - rate * error.e, arrays)
         s = v - v_r
         a = solve(E, wanted.acceleration - rate * error.e_dot - E_rate @ v_r, arrays) - rate * s
         passed = arrays.where(step > 0.0, step, 1.0)  # a second look at the same sample teaches nothing
-        pi_hat, following = self._learned(x, s, z, k, model, passed)
+        pi_hat, following = self._learned(view.now, s, z, k, model, passed)
         pi_hat = arrays.where(step > 0.0, pi_hat, z.theta_hat)
         regressor, allocation = model.passivity_regressor(x, v_r, a, k.c), model.allocation(q, k.c)
-        wanted_effort, observed = regressor @ pi_hat, dict[str, Any]()
-        if self.cancelling is not None and seen is not None:
-            cancelled = self.cancelling.cancelled(solve(E, seen.unexpected, arrays), z.cancelling, k.cancelling, arrays)
+        wanted_effort, removed = regressor @ pi_hat, 0.0 * s
+        if view.cancelled is not None:
             inertia = self._inertia(x, pi_hat, k.c, model)
-            wanted_effort = wanted_effort - inertia @ cancelled
-            fast = self.cancelling.fast(cancelled, z.cancelling)
-            observed = {"cancelled": cancelled, "removed": inertia @ fast}
+            wanted_effort, removed, a = (
+                wanted_effort - inertia @ view.cancelled,
+                inertia @ view.fast,
+                a - view.cancelled,
+            )
         u, beyond = self.effort.inputs(allocation, wanted_effort, k.effort, model)
-        if seen is not None:
-            a_c = a - observed["cancelled"] if observed else a
-            expected = E @ (a_c / beyond) + seen.unexpected + E_rate @ v
-            observed = {**observed, "seen": seen, "expected": expected, "beyond": beyond}
         regular = arrays.minimum(regularity(E, arrays), regularity(allocation, arrays))
         memory = {
             "theta_hat": pi_hat, "following": following, "distance": d, "regressor": regressor,
-            "allocation": allocation, "is_free": arrays.where(beyond > 1.0, 0.0, 1.0), **observed,
+            "allocation": allocation, "is_free": arrays.where(beyond > 1.0, 0.0, 1.0),
+            "view": view, "asked": a / beyond, "removed": removed / beyond,
         }  # fmt: skip
         return Action(u, regular, memory)
 
@@ -214,13 +209,9 @@ class PassivityLaw(Law):
         if self.direct is not None:
             seen = self.direct.update(known["regressor"], known["is_free"], z.direct, k.direct, arrays)
             following |= prefixed("direct", seen)
+        asked = known["asked"], known["removed"]
+        expected, removed = self.sight.acting(known["view"], asked, z, k.c, model)
         if self.least_squares is not None:
-            removed = known["removed"] / known["beyond"] if "removed" in known else 0.0
             data = {**known["following"], **self.least_squares.applied(applied, known["allocation"], removed)}
             following |= prefixed("least_squares", data)
-        if self.observer is not None:
-            following |= prefixed("observer", self.observer.update(known["seen"], known["expected"], arrays))
-        if self.cancelling is not None:
-            moved = self.cancelling.update(known["cancelled"], z.cancelling, k.cancelling, arrays, step)
-            following |= prefixed("cancelling", moved)
-        return following
+        return following | self.sight.update(known["view"], expected, asked, z, k, model, step)

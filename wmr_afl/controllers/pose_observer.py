@@ -26,6 +26,7 @@ class ObserverTable(Table):
     start: NotNegative = 2.0  # [s], from when it is cancelled: learn first
     ramp: Positive = 2.0  # [s], how slowly cancelling begins
     band: Positive = 1.0  # tau_d [s]: slower mismatch still teaches the estimates
+    predict: bool = False  # whether the law goes by where the outputs will be when a late drive carries its command out
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,13 @@ class PoseObserver(Part):
             lambda k: (f"the rate of the observer is {k.rate[0]:g}", "choose a positive number [1/s]"),
         )
 
-    def see(self, x: Array, z: SimpleNamespace, k: SimpleNamespace, c: Array, model: Model, step: Array) -> Seen:
-        """What this sample tells; of x (2n-m,) only q is looked at unless v is measured, too."""
+    def see(
+        self, x: Array, E: Array, z: SimpleNamespace, k: SimpleNamespace, c: Array, model: Model, step: Array
+    ) -> Seen:
+        """What this sample tells; of x (2n-m,) only q is looked at unless v is measured, too. E: output map there."""
         arrays, n, runs = model.arrays, model.coordinate_count, z.is_running[0]
         q, passed = x[:n], arrays.where(step > 0.0, step, 1.0)
-        y, E = model.output(q, c), model.output_map(q, c)
+        y = model.output(q, c)
         expected = runs * (z.y + step * z.y_rate + 0.5 * step * step * z.acceleration) + (1.0 - runs) * y
         expected_rate = runs * (z.y_rate + step * z.acceleration)
         innovation = shorter_way(y - expected, model)  # a measured angle may jump by a turn

@@ -10,11 +10,11 @@ import numpy as np
 from wmr_afl.controllers.adaptation import GradientAdaptation
 from wmr_afl.controllers.law import Action, Knowledge, Law
 from wmr_afl.controllers.linearizing_law import LinearizingLaw
-from wmr_afl.controllers.outer_loop import OuterLoop, tracking_error
-from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
+from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
+from wmr_afl.controllers.sight import Sight
 from wmr_afl.errors import MissingTermError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
@@ -57,8 +57,7 @@ class TrackingLaw(Law):
         adaptation: GradientAdaptation | None = None,
         robust: RobustTerm | None = None,
         reference_model: ReferenceModel | None = None,
-        observer: PoseObserver | None = None,
-        cancelling: Cancelling | None = None,
+        sight: Sight | None = None,
     ) -> None:
         model = knowledge.model
         if adaptation is not None and not model.has("regressor"):
@@ -74,25 +73,17 @@ class TrackingLaw(Law):
         self.reference_model = reference_model
         is_late = adaptation is not None and adaptation.is_late
         self.last = LastRegressor(len(model.output_units), len(knowledge.units)) if is_late else None
-        self.observer, self.cancelling = observer, cancelling
-        if cancelling is not None and observer is None:
-            raise MissingTermError("only an observer tells what there is to cancel", "add one")
+        self.sight = sight or Sight()
+        self.lead = self.sight.lead
         own = (self.outer_loop, self.linearizing, *adapting, self.robust, self.reference_model, self.last)
-        self.parts: Parts[Part] = Parts((*own, observer, cancelling))
+        self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 
     def act(
         self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> Action:
         """The command at the measured state x, (25), (27), (74)."""
-        memory, cancelled = dict[str, Any](), None
-        if self.observer is None:
-            error = tracking_error(x, k.c, reference, model)
-        else:
-            seen = self.observer.see(x, z.observer, k.observer, k.c, model, step)
-            x, error, memory = seen.x, seen.error(reference, model), {"seen": seen}
-            if self.cancelling is not None:
-                cancelled = self.cancelling.cancelled(seen.unexpected, z.cancelling, k.cancelling, model.arrays)
-                memory["cancelled"] = cancelled
+        view = self.sight.look(x, z, k, model, step)
+        x, error, memory = view.x, view.error(reference, k.c, model), dict[str, Any](view=view)
         if self.reference_model is not None:
             memory["distance"] = self.reference_model.distance(
                 error, z.reference_model, k.reference_model, model.arrays, step
@@ -105,8 +96,8 @@ class TrackingLaw(Law):
         if self.robust is not None:
             v = x[model.coordinate_count :]
             eta = eta + self.robust.acceleration(v, filtered_error, z.robust, model.arrays)
-        if cancelled is not None:
-            eta = eta - cancelled
+        if view.cancelled is not None:
+            eta = eta - view.E @ view.cancelled
         theta_hat = z.theta_hat
         if self.last is not None:
             theta_hat = self._adapted(
@@ -134,8 +125,8 @@ class TrackingLaw(Law):
         step: Array,
     ) -> dict[str, Array]:
         """(25), (72), (73)."""
-        filtered_error, seen = action.memory["filtered_error"], action.memory.get("seen")
-        x = x if seen is None else seen.x
+        filtered_error, view = action.memory["filtered_error"], action.memory["view"]
+        x = view.now
         following = {"theta_hat": action.memory.get("theta_hat", z.theta_hat)}
         if self.adaptation is not None:
             seen = applied if self.adaptation.sees_applied else action.input
@@ -153,11 +144,7 @@ class TrackingLaw(Law):
         if self.reference_model is not None:
             moved = self.reference_model.update(action.memory["distance"], model.arrays)
             following |= prefixed(self.reference_model.name, moved)
-        if self.observer is not None and seen is not None:
+        if view.seen is not None:
             expected = self.linearizing.acceleration(x, applied, action.memory["theta_hat"], k.c, model)
-            observed = self.observer.update(seen, expected + seen.unexpected, model.arrays)
-            following |= prefixed(self.observer.name, observed)
-        if self.cancelling is not None:
-            moved = self.cancelling.update(action.memory["cancelled"], z.cancelling, k.cancelling, model.arrays, step)
-            following |= prefixed(self.cancelling.name, moved)
+            following |= self.sight.update(view, expected + view.seen.unexpected, None, z, k, model, step)
         return following

@@ -24,8 +24,10 @@ from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Reference, ReferenceTable
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
+from wmr_afl.controllers.sight import Sight
 from wmr_afl.controllers.tables import KAPPA, LINEARIZING, PASSIVE, ControllerTable
 from wmr_afl.controllers.tracking_law import TrackingLaw
+from wmr_afl.controllers.under_way import CommandsUnderWay
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import Experiment
 from wmr_afl.model.files import model_folder
@@ -182,19 +184,22 @@ class _Assembly:
                     f"memory = {learning.memory:g} s is no window of samples", f"choose {FEWEST * step:g} or more"
                 )
         rates = table.rates(step, 0.0 if late is None else late.seconds)
-        observer, cancelling = self._observer(table)
         with self.at(f"[controllers.{name}]"):
-            return PassivityLaw(knowledge, *rates, effort, direct, least_squares, projection, observer, cancelling)
+            sight = self._sight(table)
+            return PassivityLaw(knowledge, *rates, effort, direct, least_squares, projection, sight)
 
-    def _observer(self, table: ControllerTable) -> tuple[PoseObserver | None, Cancelling | None]:
+    def _sight(self, table: ControllerTable) -> Sight:
         """What looks at the pose, and what is made of it."""
         given, step = table.observing, self.experiment.simulation.sample_time
         if given is None:
-            return None, None
-        outputs = len(self.model.output_units)
+            return Sight()
+        outputs, late = len(self.model.output_units), self.experiment.uncertainties.input_delay
         observer = PoseObserver(outputs, table.observer_rate(step), table.measures == "state")
         cancelling = Cancelling(outputs, given.start, given.ramp, given.band, given.separate) if given.cancel else None
-        return observer, cancelling
+        under_way = None
+        if late is not None and table.law != "linearizing":  # that law expects what the applied voltages do
+            under_way = CommandsUnderWay(outputs, round(late.seconds / step), step, given.predict)
+        return Sight(observer, cancelling, under_way)
 
     def _linearizing(self, name: str, table: ControllerTable, place: Callable[[str], str]) -> TrackingLaw:
         model = self.model
@@ -213,7 +218,7 @@ class _Assembly:
             rate, outputs = table.reference_rate, len(model.output_units)
             reference_model = None if rate is None else ReferenceModel(outputs, rate)
             return TrackingLaw(
-                knowledge, outer_loop, linearizing, adaptation, robust, reference_model, *self._observer(table)
+                knowledge, outer_loop, linearizing, adaptation, robust, reference_model, self._sight(table)
             )
 
     def _adaptation(self, name: str, table: ControllerTable, numbers: Numbers) -> GradientAdaptation | None:

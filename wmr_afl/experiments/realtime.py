@@ -235,7 +235,7 @@ class Controller(Fixed):
         k = by_part({name: ca.DM(value) for name, value in disjoint(self.law.values, self.drive.values).items()})
         flat, t, given = ca.SX.sym("z", self._layout.size), ca.SX.sym("t"), ca.SX.sym("given", self._size + 1)
         z, x, step = self._layout.unpack_symbols(flat), given[:-1], given[-1]
-        action = self.law.act(x, self.reference.at(t), z, k, model, step)
+        action = self.law.act(x, self.reference.at(t + self.law.lead), z, k, model, step)
         returned = applied = action.input
         following: dict[str, Any] = {}
         for key, part, state, own in self.drive.with_states(z, k):

@@ -98,7 +98,8 @@ class ClosedLoop:
         """
         reference = self.reference.at(t)
         seen = self.plant.measured(z.x, sample, k, model.arrays)
-        action = self.law.act(seen, reference, z, k, model, self.sample_time)
+        ahead = self.reference.at(t + self.law.lead) if self.law.lead else reference
+        action = self.law.act(seen, ahead, z, k, model, self.sample_time)
         applied = self.plant.applied(action.input, z, k, model.arrays)
         signals = {
             "x": z.x,

@@ -1,0 +1,119 @@
+"""What a law goes by: the state as it is measured, or what an observer makes of the pose and of commands under way."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+from wmr_afl.controllers.outer_loop import TrackingError, tracking_error
+from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver, Seen
+from wmr_afl.controllers.reference import Point
+from wmr_afl.controllers.under_way import CommandsUnderWay
+from wmr_afl.errors import MissingTermError
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array
+from wmr_afl.numerics.linear_algebra import solve
+from wmr_afl.numerics.parts import Part, prefixed
+
+Asked = tuple[
+    Array, Array
+]  # of a command: v' (n-m,) that it is to bring about, and what is kept out of the data (n-m,)
+
+
+@dataclass(frozen=True)
+class View:
+    """One sample: the state now, the one that the command will meet, and what is to be cancelled."""
+
+    now: Array  # (2n-m,)
+    x: Array  # when the command acts, (2n-m,): `now` unless that is predicted
+    E: Array | None = None  # output map J_h S at q, (n-m, n-m), if it was needed
+    seen: Seen | None = None
+    ahead: Seen | None = None
+    cancelled: Array | None = None  # c E^-1 d^ (n-m,) [of v']
+    fast: Array | None = None  # of it what is kept out of the data
+
+    def error(self, reference: Point, c: Array, model: Model) -> TrackingError:
+        """y - yr and its rate, where the command acts."""
+        if self.ahead is None:
+            return tracking_error(self.x, c, reference, model)
+        return self.ahead.error(reference, model)
+
+
+class Sight:
+    """The parts that look: none of them where the state is measured and nothing is cancelled.
+
+    Raises:
+        MissingTermError: if something is to be cancelled or predicted that no observer sees.
+    """
+
+    def __init__(
+        self,
+        observer: PoseObserver | None = None,
+        cancelling: Cancelling | None = None,
+        under_way: CommandsUnderWay | None = None,
+    ) -> None:
+        if observer is None and not (cancelling is None and under_way is None):
+            raise MissingTermError("only an observer tells what to cancel, and where commands lead", "add one")
+        self.observer, self.cancelling, self.under_way = observer, cancelling, under_way
+        self.parts: tuple[Part | None, ...] = (observer, cancelling, under_way)
+
+    @property
+    def lead(self) -> float:
+        """How much later than now [s] the reference counts."""
+        return 0.0 if self.under_way is None or not self.under_way.predicts else self.under_way.seconds
+
+    def look(self, x: Array, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array) -> View:
+        """What the measured state x (2n-m,) tells."""
+        if self.observer is None:
+            return View(x, x)
+        arrays, E = model.arrays, model.output_map(x[: model.coordinate_count], k.c)
+        seen = ahead = self.observer.see(x, E, z.observer, k.observer, k.c, model, step)
+        if self.under_way is not None:
+            ahead = self.under_way.ahead(seen, E, _drift(seen.x, k.c, model), z.under_way, arrays, step)
+        cancelled = fast = None
+        if self.cancelling is not None:
+            unexpected = solve(E, seen.unexpected, arrays)
+            cancelled = self.cancelling.cancelled(unexpected, z.cancelling, k.cancelling, arrays)
+            fast = self.cancelling.fast(cancelled, z.cancelling)
+        return View(seen.x, ahead.x, E, seen, ahead, cancelled, fast)
+
+    def acting(self, view: View, asked: Asked, z: SimpleNamespace, c: Array, model: Model) -> Asked:
+        """Of the command that acts now y'' as it is to be expected, d^ included, and what is kept out of the data."""
+        if view.seen is None:
+            return asked
+        meant, removed = _meant(view, asked, model), asked[1]
+        if self.under_way is not None:
+            meant, removed = map(self.under_way.acting, (z.under_way.accelerations, z.under_way.removed))
+        return view.E @ meant + _drift(view.now, c, model), removed
+
+    def update(
+        self,
+        view: View,
+        expected: Array,
+        asked: Asked | None,
+        z: SimpleNamespace,
+        k: SimpleNamespace,
+        model: Model,
+        step: Array,
+    ) -> dict[str, Array]:
+        """The states one sample later; `expected` y'' of the command that acts now, `asked` of the one given now."""
+        following = dict[str, Array]()
+        if self.observer is not None and view.seen is not None:
+            following |= prefixed("observer", self.observer.update(view.seen, expected, model.arrays))
+        if self.cancelling is not None:
+            moved = self.cancelling.update(view.cancelled, z.cancelling, k.cancelling, model.arrays, step)
+            following |= prefixed("cancelling", moved)
+        if self.under_way is not None and asked is not None:
+            pushed = self.under_way.update(_meant(view, asked, model), asked[1], z.under_way, model.arrays)
+            following |= prefixed("under_way", pushed)
+        return following
+
+
+def _meant(view: View, asked: Asked, model: Model) -> Array:
+    """v' (n-m,) that a command is to bring about, d^ included."""
+    return asked[0] if view.seen is None else asked[0] + solve(view.E, view.seen.unexpected, model.arrays)
+
+
+def _drift(x: Array, c: Array, model: Model) -> Array:
+    """E' v (n-m,): y'' at v' = 0."""
+    return model.output_map_rate(x, c) @ x[model.coordinate_count :]

@@ -374,7 +374,9 @@ def far(folder: str) -> tuple[str, ...]:
     if side == "wmr_input":
         files |= test_files(Path("tests", "derive", "description"))
     left = [file for file in files if file not in near(folder)]
-    return tuple(sorted(left, key=lambda file: (files[file], not file.startswith(f"tests/{folder}/"), file)))
+    of_folder = [file for file in left if Path(file).parent.as_posix() == f"tests/{folder}"]
+    below = [file for file in left if file.startswith(f"tests/{folder}/")]
+    return tuple(sorted(left, key=lambda file: (files[file], file not in of_folder, file not in below, file)))
 
 
 def noticed(fault: Fault, copy: Copy, usual: dict[str, float], seconds: float) -> str:

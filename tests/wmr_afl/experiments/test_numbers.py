@@ -198,6 +198,8 @@ def test_seeds_belong_to_loops_that_draw() -> None:
         (Differences(parameters={"m_C": [1.0, -1.0]}), WmrError, "m_C = -1 kg is negative"),
         (Differences(gains={"b1": [float("nan")]}), WmrError, r"b1 is not finite"),
         (Differences(gains={"b1": [[1.0, 2.0, 3.0]]}), ShapeError, r"b1 has shape \(1, 3\); expected"),
+        (Differences(start={"x": [[1.0], [2.0]]}), ShapeError, r"x has shape \(2, 1\); expected one number, or 2: one"),
+        (Differences(parameters={"m_C": [[30.0, 31.0]]}), ShapeError, r"m_C has shape \(1, 2\); expected one number"),
         (Differences(scale={"parameters.nothing": [1.0]}), UnknownNameError, "parameter of type_2_0"),
     ],
 )

@@ -164,6 +164,21 @@ def test_no_law_holds_for_what_is_no_number(name: str, robot: str, term: str) ->
     assert is_broken(law_of(name), robot, term, nothing_known)
 
 
+@pytest.mark.parametrize(
+    ("name", "term", "margin"), [("full rank", "kinematic_matrix", 1e-6), ("positive inertia", "inertia_matrix", 1e-9)]
+)
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_a_matrix_is_regular_by_a_margin(name: str, term: str, margin: float, share: float) -> None:
+    """Of its least singular value or eigenvalue to its largest one, whatever the scale."""
+
+    def nearly_singular(value: Floats, *arguments: Floats) -> Floats:
+        found = np.zeros(value.shape)
+        found[..., 0, 0], found[..., 1, 1] = 1e3, 1e3 * share * margin
+        return found
+
+    assert is_broken(law_of(name), "type_2_0", term, nearly_singular) == (share < 1.0)
+
+
 def batched(shape: Callable[[Floats], bool]) -> Change:
     """Something else where the first argument has such a shape."""
 

@@ -21,7 +21,7 @@ from wmr_afl.controllers.reference import Reference
 from wmr_afl.model.model import load_model
 from wmr_afl.plant import InputLimits, Plant
 from wmr_afl.simulation.closed_loop import ClosedLoop
-from wmr_afl.simulation.conditions import MOST, conditions
+from wmr_afl.simulation.conditions import BEYOND, MOST, conditions
 from wmr_afl.simulation.warning_signs import GROWN, OFTEN, STUCK, warning_signs
 
 MODEL = load_model("type_2_0")
@@ -132,7 +132,7 @@ def test_a_joint_that_is_at_one_of_its_stops_is_named(side: float) -> None:
     x = np.zeros((1000, 5))
     for left, share, expected in ((0.9e-3, 7, "0.7%"), (-1e-3, 500, "50.0%"), (1.1e-3, 500, None)):
         x[:share, 1] = side * (0.4 - left)
-        found = warning_signs(one, {"x": x}, {"p": np.array([0.4])})  # type: ignore[arg-type]
+        found = warning_signs(one, {"x": x}, {"p": np.array([0.4])}, ())  # type: ignore[arg-type]
         remedy = "follow a reference that turns less sharply"
         sign = f"a joint is at its stop in {expected} of the samples; {remedy}"
         assert found == ((sign,) if expected else ())
@@ -209,12 +209,12 @@ def test_a_condition_is_told_where_it_is_worst() -> None:
 
 
 def test_numbers_that_overflow_break_a_condition() -> None:
-    """Infinite or undefined speeds count as broken; long runs are looked at in even steps."""
+    """Infinite or undefined speeds break it, and the largest number stands for them; long runs are looked at in steps."""
     x = np.zeros((3, 5))
     x[1, 3:] = 1e200
     signals = {"x": x, "u": np.zeros((3, 2)), "command": np.ones((3, 2)), "theta_hat": np.tile(TRUTH, (3, 1))}
     (found,) = conditions(loop(), signals, loop().values)
-    assert (found.largest, found.time, found.share) == (np.inf, 0.02, pytest.approx(1.0 / 3.0))
+    assert (found.largest, found.time, found.share) == (BEYOND, 0.02, pytest.approx(1.0 / 3.0))
     many = {name: np.repeat(signal[:1], 2 * MOST + 1, axis=0) for name, signal in signals.items()}
     many["x"][1] = 1e200  # every third is looked at
     (found,) = conditions(loop(), many, loop().values)

@@ -209,7 +209,7 @@ def test_a_condition_is_told_where_it_is_worst() -> None:
 
 
 def test_numbers_that_overflow_break_a_condition() -> None:
-    """Infinite or undefined speeds break it, and the largest number stands for them; long runs are looked at in steps."""
+    """Infinite or undefined speeds break it; the largest number stands for them; long runs are looked at in steps."""
     x = np.zeros((3, 5))
     x[1, 3:] = 1e200
     signals = {"x": x, "u": np.zeros((3, 2)), "command": np.ones((3, 2)), "theta_hat": np.tile(TRUTH, (3, 1))}

@@ -185,3 +185,14 @@ def test_the_dynamics_are_those_of_masses_at_their_places(made: Solved) -> None:
     np.testing.assert_allclose(balance, 0.0, atol=1e-6)
     inertia_matrix = place(dynamics.inertia_matrix)
     np.testing.assert_allclose(inertia_matrix, inertia_matrix.T, atol=1e-12)
+
+
+def test_a_value_at_the_defaults_is_a_finite_real_number_or_none() -> None:
+    """Through names, and with nothing to be caught."""
+    kinematics, _ = solved(ROBOTS["two wheels"])
+    a, b, e = (sp.Symbol(name, real=True) for name in "abe")
+    named = kinematics.terms.name("length_squared", a**2 + b**2)
+    assert kinematics.at_defaults(named / e) == pytest.approx((0.3**2 + 0.25**2) / 0.05)
+    assert kinematics.at_defaults(sp.S(3)) == 3.0
+    for expression in (1 / (a - 6 * e), sp.sqrt(b - a), a / (a - 6 * e) - b / (a - 6 * e), b + sp.Symbol("free")):
+        assert np.isnan(kinematics.at_defaults(expression))

@@ -7,10 +7,12 @@ import json
 
 import numpy as np
 import pytest
+import sympy as sp
 
+from derive.codegen.arguments import unit_text, units_of
 from derive.codegen.write import Files, differences, generate_one
 from tests.conftest import DESCRIPTIONS, ROOT
-from tests.derive.descriptions import AHEAD, files_of, motor, robot, wheel
+from tests.derive.descriptions import AHEAD, derivation_of, files_of, motor, part, robot, wheel
 
 ROBOT = "type_2_0"
 SMALL = robot(
@@ -89,3 +91,23 @@ def test_the_motion_that_is_told_needs_no_look_at_the_code(files: Files) -> None
     assert {"inverse_regressor", "inverse_base_parameters", "passivity_regressor", "regressor"} <= set(
         model["functions"]
     )
+
+
+ARM = part("frames", name="arm", parent="body", at=["a", "0"], angle="g")
+ARM += part("bodies", frame="arm", at=["0", "0"], mass="m", inertia="I")
+TURNED = robot(wheel("left", at=("0", "b")), wheel("right", at=("0", "-b")), ARM, angles=("g",))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("phi", "rad"), ("g", "rad"), ("phi + 2*g", "rad"), ("g/3", "rad"), ("sin(g)", "1"), ("x", "m"),
+        ("x/L", "1"), ("x/L + g", "1"), ("b", "m"), ("body_turning", "rad/s"), ("body_forward", "m/s"),
+        ("body_forward/L", "1/s"), ("g_rate", "rad/s"), ("m*x", "kg m"), ("3", "1"),
+    ],
+)  # fmt: skip
+def test_angles_are_told_from_numbers_without_a_unit(text: str, unit: str) -> None:
+    """What is a polynomial of angles alone, and rates of such."""
+    derivation = derivation_of(TURNED)
+    names = {s.name: s for s in (*derivation.state, *derivation.robot.parameters)}
+    assert unit_text(sp.sympify(text, locals=names), units_of(derivation), derivation) == unit

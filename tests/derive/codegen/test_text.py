@@ -16,7 +16,7 @@ from derive.algebra.named_terms import Terms
 from derive.codegen.json_text import json_text
 from derive.codegen.python_code import WIDTH, PythonCode, assigned, unpacked
 from derive.codegen.rendering import _docstring, _filled, _literal, _wrapped
-from derive.codegen.statements import Statements, statements
+from derive.codegen.statements import Statements, _Names, statements
 from derive.codegen.trusted_values import _fraction, _lost
 
 LETTERS = "".join(chr(ord("a") + k % 26) for k in range(300))
@@ -171,6 +171,40 @@ def test_named_terms_keep_their_names() -> None:
     assert {"one", "two"} <= set(steps.names.values())
     assert {"sin_a", "term_1"}.isdisjoint(steps.names.values())
     assert steps.inputs == {a, b, c, d}
+
+
+@pytest.mark.parametrize(
+    ("function", "expected"),
+    [
+        (sp.sin(a), "sin_a"),
+        (sp.cos(a + b), "cos_a_b"),
+        (sp.cos(a - b), "cos_a_minus_b"),
+        (sp.exp(-a / 2 + c * d), "exp_minus_1_2_a_c_d"),
+        (sp.exp(3 * a), "exp_3_a"),
+        (sp.sin(a + sp.pi / 3), "sin_a_1_3_pi"),
+        (sp.cos(sp.Add(*(sp.Symbol(f"a_long_name_{k}") for k in range(5)))), "cos_1"),
+    ],
+    ids=str,
+)
+def test_a_function_call_is_named_as_it_is_read(function: sp.Expr, expected: str) -> None:
+    """But for a name that is taken, which gets a stroke, and one that is too long."""
+    parts = {frozenset(expected.split("_"))}
+    found = _Names([]).of_function(function).name
+    assert {frozenset(found.split("_"))} == parts
+    assert found.isidentifier()
+    assert _Names([found]).of_function(function).name == f"{found}_"
+    assert _Names([found, f"{found}_"]).of_function(function).name == f"{found}__"
+
+
+@pytest.mark.parametrize(
+    ("expression", "expected"),
+    [(a**2, "a_squared"), (a**3, "a_cubed"), (1 / a, "a_inverse"), (a**4, "term_7"), (a * b, "term_7")],
+    ids=str,
+)
+def test_a_power_of_a_symbol_is_named_and_other_terms_are_numbered(expression: sp.Expr, expected: str) -> None:
+    assert _Names([]).of_term(expression, 7).name == expected
+    assert _Names(["lambda", expected]).of_term(expression, 7).name == f"{expected}_"
+    assert _Names([]).fresh("lambda").name == "lambda_"
 
 
 @pytest.mark.parametrize(

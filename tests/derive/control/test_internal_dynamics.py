@@ -65,6 +65,15 @@ def test_no_straight_line_is_told_of_a_root_whose_place_is_no_coordinate(positio
     assert derivation.missed == {}
 
 
+@pytest.mark.parametrize("y2", ["L*phi + y**2/L", "L*phi + L*sqrt(y/L)", "L*phi**2 + y"])
+def test_no_straight_line_is_told_where_the_outputs_are_no_chart_on_it(y2: str) -> None:
+    """They do not see y there, or their rates are not defined, or the heading is not seen."""
+    derivation = derivation_of(robot(*TWO, outputs={"y1": "x + L*cos(phi)", "y2": y2}))
+    assert derivation.control is not None
+    assert derivation.control.internal.straight_line is None
+    assert derivation.missed == {}
+
+
 @pytest.mark.parametrize(
     ("matrix", "expected"),
     [

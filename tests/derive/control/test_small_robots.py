@@ -8,6 +8,7 @@ import sympy as sp
 
 from derive.derivation import Derivation
 from tests.derive.descriptions import AHEAD, derivation_of, in_numbers, motor, part, robot, wheel
+from wmr_input import InputError
 
 AXLE = (wheel("left", at=("0", "b")), wheel("right", at=("0", "-b")))
 SLIDING = wheel("third", at=("a", "b"), roller_angle="0")
@@ -90,3 +91,23 @@ def test_the_determinant_is_that_of_the_decoupling_matrix(made: Derivation, seed
     assert told.is_square == (D.shape[0] == D.shape[1])
     expected = np.linalg.det(D if told.is_square else D @ D.T)
     assert in_numbers(made, sp.Matrix([told.whole]), numbers) == pytest.approx(expected, rel=1e-9)
+
+
+WRONG = {
+    "too many": (AHEAD | {"y3": "phi"}, r"3 outputs for 2 pseudo-velocities \(body_forward, body_turning\); keep 2"),
+    "too few": ({"y1": "x + L*cos(phi)"}, "1 outputs for 2 pseudo-velocities; add 1"),
+    "of no coordinate": (AHEAD | {"y2": "L + a"}, "y2: depends on no coordinate"),
+    "of each other": (AHEAD | {"y2": "2*x + 2*L*cos(phi)"}, "y1, y2 depend on each other; choose independent outputs"),
+    "on the axle": ({"y1": "x", "y2": "y"}, "the outputs do not see body_turning, so their relative degree is not 2"),
+    "beside the axle": ({"y1": "x - a*sin(phi)", "y2": "y + a*cos(phi)"}, "do not see body_forward or body_turning"),
+    "of the heading alone": ({"y1": "phi", "y2": "L*phi**2"}, "y1, y2 depend on each other"),
+    "defined nowhere": (AHEAD | {"y2": "y/(sin(phi)**2 + cos(phi)**2 - 1)"}, "are not defined at a random state"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_outputs_that_cannot_be_tracked_are_refused(case: str) -> None:
+    """As many as there are motions, which they see, in a sentence."""
+    outputs, told = WRONG[case]
+    with pytest.raises(InputError, match=told):
+        derivation_of(robot(*AXLE, motor("left"), motor("right"), outputs=outputs))

@@ -105,6 +105,8 @@ def test_a_value_is_assigned_in_lines_of_the_usual_width(name: str, targets: lis
     if len(lines) > 1:
         assert (lines[0], lines[-1]) == (" = ".join([*targets, "("]), ")")
         assert all(line.startswith(INDENT) for line in lines[1:-1])
+    if name == "a sum":
+        assert all(line.startswith((f"{INDENT}+ ", f"{INDENT}- ")) for line in lines[2:-1])
 
 
 @pytest.mark.parametrize("count", [1, 8, 12, 40])
@@ -171,6 +173,28 @@ def test_named_terms_keep_their_names() -> None:
     assert {"one", "two"} <= set(steps.names.values())
     assert {"sin_a", "term_1"}.isdisjoint(steps.names.values())
     assert steps.inputs == {a, b, c, d}
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_product_and_its_negative_are_computed_once(sign: int) -> None:
+    """Under the name of the one that has a name; its sign stands where it is printed."""
+    terms = Terms()
+    product = a * b * sp.sin(c) * d
+    one = terms.name("one", sign * product)
+    matrix = sp.Matrix([[one, product + a], [one * c, sp.exp(c) - product], [-one, 2 - product]])
+    steps = statements(matrix, terms, ())
+    assert [steps.names[symbol] for symbol, _ in steps.assignments if "term" in steps.names[symbol]] == []
+    for place, value in computed(steps).items():
+        assert value == pytest.approx(float(terms.expand(matrix[place]).subs(AT)), rel=1e-13)
+
+
+def test_entries_that_are_printed_alike_are_computed_once() -> None:
+    """A call that stands in both needs no line of its own, though one of them has it as the negative of a name."""
+    terms = Terms()
+    negative = terms.name("negative", -sp.sin(a + b))
+    steps = statements(sp.Matrix([[negative + c, c - sp.sin(a + b)]]), terms, ())
+    assert steps.assignments == []
+    assert list(computed(steps).values()) == [pytest.approx(NUMBERS["c"] - math.sin(0.31 + 0.57))] * 2
 
 
 @pytest.mark.parametrize(

@@ -95,6 +95,19 @@ def test_constraints_that_follow_from_others_are_told_and_contradictions_are_ref
     assert (solver.independent, solver.dependent) == (["first"], ["again"])
 
 
+def test_coefficients_that_are_final_and_depend_on_the_configuration_get_names() -> None:
+    """Constants keep their look, and what is not solved yet has no name at all."""
+    solver = elimination()
+    solver.introduce([p])
+    curved, constant = sp.cos(phi) * sp.exp(phi) + a, a**2 + 1
+    assert solver.named("speed", Form({v: curved, w: constant})) == {v: sp.Symbol("speed_v", real=True), w: constant}
+    assert solver.named("other", Form({w: curved + 1})) == {w: sp.Symbol("other_w", real=True)}
+    assert list(solver.terms.definitions.values()) == [curved, curved + 1]
+    for form in (Form({p: curved - 1, v: a, w: curved - 2}), Form({p: curved - 3})):
+        assert solver.named("open", form) == form
+    assert len(solver.terms.definitions) == 2
+
+
 def test_what_is_left_is_told() -> None:
     """An equation, or an unknown without any."""
     solver = elimination()

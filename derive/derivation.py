@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from math import isnan
 from pathlib import Path
 
 from mpmath.libmp.libhyper import NoConvergence
@@ -84,7 +85,7 @@ class Derivation:
 
     def at_defaults(self, expression: Expr) -> float:
         """The value of a function of the parameters at the default parameters."""
-        return float(self.terms.expand(expression).xreplace(self.robot.numbers))
+        return self.kinematics.at_defaults(expression)
 
 
 def derive_robot(path: Path, progress: Progress = lambda step: None) -> Derivation:
@@ -133,6 +134,7 @@ def _derive(robot: Robot, progress: Progress) -> Derivation:
     adaptive = adaptive_form(
         kinematics, dynamics, None if isinstance(passivity, str) else passivity, a, parameters, attempts
     )
+    _check_base_parameters(kinematics, adaptive, () if isinstance(passivity, str) else passivity.parameters)
     control = None
     if linearization is not None:
         progress("decoupling matrix")
@@ -169,15 +171,27 @@ def _check_motors(kinematics: Kinematics) -> None:
 def _check_defaults(kinematics: Kinematics, dynamics: Dynamics, linearization: Linearization | None) -> None:
     """The model must not be degenerate at the default parameters, for then it could not be run."""
     robot, terms, wanted = kinematics.robot, kinematics.terms, len(kinematics.v)
-    zeros = [symbol.name for symbol, number in robot.defaults.items() if number == 0]
-    remedy = f"change the defaults; zero is the value of {', '.join(zeros)}" if zeros else "change the defaults"
     matrices = [(dynamics.inertia_matrix, "[[bodies]]", "some motion has no inertia")]
     if linearization is not None:
         matrices.append((dynamics.input_matrix, "[[motors]]", "the motors do not reach every pseudo-velocity"))
         matrices.append((linearization.output_map, "[outputs]", "the decoupling matrix is singular everywhere"))
     for matrix, table, problem in matrices:
         if _rank_at(matrix, robot.numbers, terms) < wanted:
-            raise robot.reader.mistake(table, f"with the default parameters {problem}", remedy)
+            raise robot.reader.mistake(table, f"with the default parameters {problem}", _other_defaults(robot))
+
+
+def _check_base_parameters(kinematics: Kinematics, adaptive: AdaptiveForm, pi: tuple[Expr, ...]) -> None:
+    """Base parameters have a value at the default parameters: a length by which they are divided is not zero."""
+    inverse = () if adaptive.inverse is None else adaptive.inverse.base_parameters
+    if any(isnan(kinematics.at_defaults(parameter)) for parameter in (*adaptive.base_parameters, *inverse, *pi)):
+        problem = "a base parameter of the dynamics is not finite with the default parameters"
+        raise kinematics.robot.reader.mistake("[parameters]", problem, _other_defaults(kinematics.robot))
+
+
+def _other_defaults(robot: Robot) -> str:
+    """What to do where the default parameters are at fault."""
+    zeros = [symbol.name for symbol, number in robot.defaults.items() if number == 0]
+    return f"change the defaults; zero is the value of {', '.join(zeros)}" if zeros else "change the defaults"
 
 
 def _rank_at(matrix: Matrix, numbers: dict[Symbol, Expr], terms: Terms) -> int:

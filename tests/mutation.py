@@ -362,7 +362,10 @@ def near(folder: str) -> tuple[str, ...]:
     place = Path("tests", WHOLE.get(folder, folder))
     while not test_files(place):
         place = place.parent
-    quick = tuple(file for file, is_slow in test_files(place).items() if not is_slow)
+    files = dict(test_files(place))
+    if folder in WHOLE:  # and those of the side itself
+        files |= {file: slow for file, slow in test_files(Path("tests", folder)).items() if file.count("/") == 2}
+    quick = tuple(file for file, is_slow in files.items() if not is_slow)
     return quick or near(Path(folder).parent.as_posix())
 
 
@@ -407,6 +410,9 @@ def examined(faults: list[Fault], seconds: float) -> Iterator[tuple[Fault, str]]
             begin, unknown = time.monotonic(), [file for file in files if file not in usual]
             usual |= copy.durations(unknown) if unknown else {}
             print(f"{len(unknown)} test files tried in {time.monotonic() - begin:.0f} s: {files[0]} ...", flush=True)
+        others = sorted({file for fault in faults for file in far(Path(fault.file).parent.as_posix())})
+        if others and seconds > 0.0 and copy.pytest(others, inf, "--collect-only") != 0:
+            raise SystemExit("without any fault tests of other folders cannot be collected")  # every one would count
         for fault in faults:
             yield fault, noticed(fault, copy, usual, seconds)
 

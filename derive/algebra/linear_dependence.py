@@ -282,5 +282,5 @@ def _parts(expressions: Iterable[Expr], known: frozenset[Symbol]) -> dict[Expr, 
             for term in sp.Add.make_args(sp.expand(function.args[0])):
                 factor, part = term.as_coeff_Mul()
                 if part.free_symbols and part.free_symbols.isdisjoint(known):
-                    parts[part] = lcm(parts.get(part, 1), int(factor.q) if factor.is_Rational else 1)
+                    parts[part] = lcm(parts.get(part, 1), int(factor.q))
     return parts

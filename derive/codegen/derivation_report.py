@@ -79,7 +79,7 @@ class _Tex:
 
 
 def _name(name: str) -> str:
-    """m_C -> m_{C}, beta1_dot -> \\dot{\\beta}_{1}, trailer_1_turning_v -> upright words."""
+    """m_C -> m_{C}, beta1_dot -> \\dot{\\beta_{1}}, trailer_1_turning_v -> upright words."""
     if name[:1].isdigit():
         return name.replace("*pi", r" \pi")
     if name.endswith("_dot"):

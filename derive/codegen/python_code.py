@@ -75,7 +75,7 @@ class PythonCode(StrPrinter):  # type: ignore[misc]
         if exponent.is_Rational and exponent.q == 2 and exponent > 0:
             whole = self.parenthesize(base ** (exponent - sp.S.Half), PRECEDENCE["Mul"], strict=False)
             return f"({whole}*sqrt({self._print(base)}))"  # in parentheses: it may stand behind a stroke
-        return super()._print_Pow(expr, rational=False)
+        return super()._print_Pow(expr)
 
     def _print_Exp1(self, expr: sp.Expr) -> str:
         return "exp(1)"

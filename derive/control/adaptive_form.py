@@ -7,7 +7,6 @@ physical: neither form exists, and theta stands for the uncertain physical param
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import sympy as sp
@@ -49,14 +48,10 @@ def adaptive_form(
 ) -> AdaptiveForm:
     """The form in base parameters that a robot admits."""
     terms, v = kinematics.terms, kinematics.v
-
-    def value(expression: Expr) -> float:
-        return float(terms.expand(expression).xreplace(kinematics.robot.numbers))
-
-    inverse = passivity.inverse(v, terms) if passivity else _inverse_map(kinematics, dynamics, a, parameters, value)
+    inverse = passivity.inverse(v, terms) if passivity else _inverse_map(kinematics, dynamics, a, parameters)
     unloaded = _without(dynamics.acceleration, dynamics.loads, kinematics)
     try:
-        forward = linear_map(unloaded, dynamics.inputs, parameters, terms, value)
+        forward = linear_map(unloaded, dynamics.inputs, parameters, terms, kinematics.at_defaults)
     except NotSeparable as error:
         factor = error.factor
         hindered = attempts(
@@ -84,7 +79,6 @@ def _inverse_map(
     dynamics: Dynamics,
     a: tuple[Symbol, ...],
     parameters: Parameters,
-    value: Callable[[Expr], float],
 ) -> LinearMap | None:
     """u = (Bbar K1)^-1 (Mbar a + Cbar v) in base parameters, where it is linear in any."""
     matrix, terms = dynamics.input_matrix, kinematics.terms
@@ -93,7 +87,7 @@ def _inverse_map(
     inverse = matrix.adjugate() / factored(matrix.det(method="berkowitz"))
     force = dynamics.inertia_matrix * Matrix(a) + dynamics.coriolis_matrix * Matrix(kinematics.v)
     try:
-        return linear_map(inverse * force, a, parameters, terms, value)
+        return linear_map(inverse * force, a, parameters, terms, kinematics.at_defaults)
     except NotSeparable:
         return None
 

@@ -12,7 +12,7 @@ where every column is: motors of unequal gain.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -112,7 +112,8 @@ def _form(
     groups: list[Group] = []
     for rows in _groups(scaled.scales, parameters):
         scale = scaled.scales[rows[0]]
-        found = linear_map(Matrix([force[i] / scale for i in rows]), (*a, *v_r), parameters, terms, _value(kinematics))
+        function = Matrix([force[i] / scale for i in rows])
+        found = linear_map(function, (*a, *v_r), parameters, terms, kinematics.at_defaults)
         slopes = [
             Matrix.hstack(whole, _in_rows(block, rows, len(v)))
             for whole, block in zip(slopes, found.slopes, strict=True)
@@ -160,7 +161,7 @@ def _scaled(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> _
 
 def _factored_rows(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> tuple[list[Expr], Matrix] | None:
     """Delta and R with `matrix` = Delta R, Delta positive at the defaults; None if there is none."""
-    value, rest = _value(kinematics), sp.zeros(*matrix.shape)
+    value, rest = kinematics.at_defaults, sp.zeros(*matrix.shape)
     scales: list[Expr] = []
     for i in range(matrix.rows):
         entries = [_products(matrix[i, j], kinematics.terms, parameters) for j in range(matrix.cols)]
@@ -211,8 +212,3 @@ def _obstacle(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) ->
 
 def _names(expression: Expr, parameters: Parameters) -> str:
     return ", ".join(sorted(s.name for s in expression.free_symbols & parameters.uncertain)) or "a parameter"
-
-
-def _value(kinematics: Kinematics) -> Callable[[Expr], float]:
-    """The value of a function of the parameters at their defaults."""
-    return lambda expression: float(kinematics.terms.expand(expression).xreplace(kinematics.robot.numbers))

@@ -79,12 +79,7 @@ class _Resolver:
                 self.of_rates(row.expression, f"[[constraints]] number {k} expression")
                 for k, row in enumerate(description.constraints, 1)
             ),
-            pseudo_velocities=None
-            if description.pseudo_velocities is None
-            else {
-                symbol(v): self.of_rates(text, f"[pseudo_velocities] {v}")
-                for v, text in description.pseudo_velocities.items()
-            },
+            pseudo_velocities=self.pseudo_velocities(),
             outputs=self.outputs(),
             constants=self.reader.constants,
             reader=self.reader,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import nan
 
 import sympy as sp
 from sympy import Expr, Matrix, Symbol
@@ -47,6 +48,11 @@ class Kinematics:
         """q' = S v (4)."""
         rates = self.kinematic_matrix * Matrix(self.v)
         return {q: self.terms.name(f"{q.name}_dot", rate) for q, rate in zip(self.q, rates, strict=True)}
+
+    def at_defaults(self, expression: Expr) -> float:
+        """The value of a function of the parameters at the default parameters; nan if it has no finite one."""
+        value = self.terms.expand(expression).xreplace(self.robot.numbers).evalf()
+        return float(value) if value.is_Float or value.is_Rational else nan
 
     @cached_property
     def singularities(self) -> tuple[Expr, ...]:

@@ -7,7 +7,11 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
+import sympy as sp
+
 from derive.codegen.write import generate_one, write
+from derive.derivation import Derivation, derive_robot
 from wmr_afl import Model
 from wmr_afl.model.laws import LAWS, Situation
 
@@ -82,6 +86,21 @@ def files_of(text: str) -> dict[str, str]:
         path = Path(folder) / "small.toml"
         path.write_text(text)
         return generate_one(path)
+
+
+@cache
+def derivation_of(text: str) -> Derivation:
+    """What is derived from a description, once for all tests that look at it."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "small.toml"
+        path.write_text(text)
+        return derive_robot(path)
+
+
+def in_numbers(derivation: Derivation, matrix: sp.Matrix, numbers: Mapping[sp.Symbol, float]) -> np.ndarray:
+    """A matrix at these numbers and the default parameters."""
+    whole = matrix.applyfunc(derivation.terms.expand).xreplace({**derivation.robot.numbers, **numbers})
+    return np.array(whole.tolist(), dtype=float).reshape(matrix.shape)
 
 
 def lawful_model(folder: Path) -> Model:

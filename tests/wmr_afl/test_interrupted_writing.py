@@ -21,7 +21,7 @@ from tests.conftest import ROOT
 from tests.fuzzing import SEED, TIMES
 from tests.wmr_afl.junk import answered
 from tests.wmr_afl.test_junk_arguments import SHORT
-from tests.wmr_input.test_whole_files import full_disk, interrupted
+from tests.wmr_input.interruptions import full_disk, interrupted
 from wmr_afl import WmrError
 from wmr_afl.analysis import animation, campaign_plots, plots
 from wmr_afl.analysis.files import keep_only, renewed, write_results
@@ -112,7 +112,7 @@ def die() -> None:
 
 
 def some_lines() -> range:
-    """Every twentieth line of what writes, others with each seed; of the same, `test_whole_files.py` takes each."""
+    """Every twentieth line of what writes, others with each seed; `test_interrupted_files.py` takes all of them."""
     return range(SEED % STRIDE, 10_000, max(1, STRIDE // TIMES))
 
 
@@ -198,7 +198,7 @@ def test_a_kill_at_any_line_leaves_the_old_state_or_the_new_one(tmp_path: Path) 
 
 BUILT = """
 import os, shutil, signal, sys
-from tests.wmr_input.test_whole_files import full_disk, interrupted
+from tests.wmr_input.interruptions import full_disk, interrupted
 from wmr_afl.simulation.kernels import c_compiler
 
 def die():

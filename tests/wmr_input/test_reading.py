@@ -220,6 +220,22 @@ def test_an_error_is_a_problem_and_a_remedy_also_in_another_process() -> None:
     assert issubclass(FieldError, ValueError)
 
 
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("plain text, in any letters: \u03b8 \u00e9 \u5f62", "plain text, in any letters: \u03b8 \u00e9 \u5f62"),
+        ("two\nlines", r"two\nlines"),
+        ("a\tb\r\x1b[31mred", r"a\tb\r\x1b[31mred"),
+        ("\u03b8\u2028\u202e", "\u03b8" + r"\u2028\u202e"),
+    ],
+)
+def test_an_error_is_one_line_whatever_its_words_hold(text: str, line: str) -> None:
+    """Line breaks and control characters are written as Python does, all others stay as they are."""
+    assert str(WmrError(text)) == line
+    assert str(WmrError("p", text)) == f"p; {line}"
+    assert str(InputError(text, text, "p")) == f"{line}: {line}: p"
+
+
 def test_errors_inside_are_mistakes_at_their_place() -> None:
     """Once they have a place they keep it; other errors pass."""
     with pytest.raises(InputError, match=r"^file: here: p; r$"), mistakes_at("file", "here"):

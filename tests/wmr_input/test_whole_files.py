@@ -1,141 +1,16 @@
-"""Files and folders are written whole or not at all, whatever happens at whatever line."""
+"""What takes the place of a file or folder: links, modes, what is kept, what is removed, and what is refused."""
 
 import json
 import os
 import stat
-import subprocess
-import sys
-from collections.abc import Callable
+import time
 from pathlib import Path
-from types import FrameType
 
 import pytest
 
-from tests.conftest import ROOT
+from tests.wmr_input.interruptions import NEW, OLD, content, scene
 from wmr_input import whole_files
 from wmr_input.whole_files import remove_abandoned, replacing, write_folder, write_whole
-
-OLD = {"numpy_model.py": "old\n" * 9000, "model.json": "{}\n"}
-NEW = {"numpy_model.py": "new\n" * 9000, "model.json": '{"new": 1}\n', "derivation.md": "# new\n"}
-Content = dict[str, str]
-
-
-def content(folder: Path) -> Content:
-    """All files below a folder, except what is still being written."""
-    return {
-        file.relative_to(folder).as_posix(): file.read_text()
-        for file in sorted(folder.rglob("*"))
-        if file.is_file() and not any(part.startswith(".unfinished-") for part in file.relative_to(folder).parts)
-    }
-
-
-def interrupted(
-    act: Callable[[], object], place: int, stop: Callable[[], None], file: str = whole_files.__file__
-) -> bool:
-    """Do something, and `stop` before its line number `place` of a file; False if it has fewer lines."""
-    count = -1
-
-    def line(frame: FrameType, event: str, argument: object) -> object:
-        nonlocal count
-        if frame.f_code.co_filename != file:
-            return None
-        if event == "line":
-            count += 1
-            if count == place:
-                stop()
-        return line
-
-    before = sys.gettrace()
-    sys.settrace(line)
-    try:
-        act()
-    finally:
-        sys.settrace(before)
-    return count >= place
-
-
-def full_disk() -> None:
-    raise OSError(28, "No space left on device")
-
-
-def scene(folder: Path) -> tuple[Callable[[], None], Content, Content]:
-    """A folder of a model with a user's own file: what writes it anew, its content before and after."""
-    write_folder(folder / "robot", OLD)
-    (folder / "robot" / "notes").mkdir()
-    (folder / "robot" / "notes" / "mine.md").write_text("mine")
-    before = content(folder)
-    after = {**before, **{f"robot/{name}": text for name, text in NEW.items()}}
-    return lambda: write_folder(folder / "robot", NEW), before, after
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # a file that was just being closed
-def test_an_error_at_any_line_leaves_the_old_folder_or_the_new_one(tmp_path: Path) -> None:
-    seen = set()
-    for place in range(10_000):
-        folder = tmp_path / str(place)
-        folder.mkdir()
-        act, before, after = scene(folder)
-        try:
-            if not interrupted(act, place, full_disk):
-                break
-        except OSError:
-            pass
-        found = content(folder)
-        assert found in (before, after), place
-        seen.add(found == after)
-    assert seen == {False, True}
-    assert place > 60
-
-
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from tests.wmr_input.test_whole_files import content, interrupted, scene
-
-def die():
-    os.kill(os.getpid(), signal.SIGKILL)
-
-seen = set()
-for place in range(10_000):
-    folder = Path(sys.argv[1], str(place))
-    folder.mkdir()
-    act, before, after = scene(folder)
-    child = os.fork()
-    if child == 0:
-        os._exit(0 if interrupted(act, place, die) else 1)
-    status = os.waitpid(child, 0)[1]
-    found = content(folder)
-    assert found in (before, after), (place, found.keys())
-    seen.add(found == after)
-    if status:
-        assert os.WIFSIGNALED(status) or found == after
-        if not os.WIFSIGNALED(status):
-            break
-assert seen == {False, True} and place > 60, (seen, place)
-print(place)
-"""
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_kill_at_any_line_leaves_the_old_folder_or_the_new_one(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED, str(tmp_path)], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # a file that was just being closed
-def test_an_error_at_any_line_leaves_the_old_file_or_the_new_one(tmp_path: Path) -> None:
-    file = tmp_path / "samples.csv"
-    for place in range(1000):
-        file.write_text("old")
-        try:
-            if not interrupted(lambda: write_whole(file, "new"), place, full_disk):
-                break
-        except OSError:
-            pass
-        assert content(tmp_path) in ({"samples.csv": "old"}, {"samples.csv": "new"}), place
-    assert place > 10
 
 
 def test_without_an_exchange_of_folders_files_are_replaced_one_by_one(
@@ -189,19 +64,82 @@ def test_a_place_that_is_no_file_or_no_folder_is_refused_before_the_work(tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == {"folder", "file"}
 
 
-def test_a_private_file_stays_private(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("before", "after"), [(0o600, 0o600), (0o644, 0o644), (0o755, 0o755), (0o440, 0o640)])
+def test_a_file_keeps_its_mode_and_can_be_written_again(before: int, after: int, tmp_path: Path) -> None:
+    """A private file stays private, a program a program."""
     file = tmp_path / "metrics.json"
     file.write_text("")
-    file.chmod(0o600)
+    file.chmod(before)
     write_whole(file, json.dumps({}))
-    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    assert stat.S_IMODE(file.stat().st_mode) == after
 
 
-def test_what_a_killed_process_left_is_removed_after_a_day(tmp_path: Path) -> None:
-    for name in (".unfinished-1-robot", ".unfinished-2-robot", "robot"):
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "file").write_text("")
-        if name != ".unfinished-2-robot":
-            os.utime(tmp_path / name, (0, 0))
+@pytest.mark.parametrize("is_link", [True, False])
+def test_a_new_file_has_the_usual_mode(is_link: bool, tmp_path: Path) -> None:
+    """That of a file that is opened for writing; a link has none to keep, and of what it names none is taken."""
+    (tmp_path / "usual").write_text("")
+    if is_link:
+        (tmp_path / "private").write_text("")
+        (tmp_path / "private").chmod(0o600)
+        (tmp_path / "new").symlink_to("private")
+    write_whole(tmp_path / "new", "")
+    assert (tmp_path / "new").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+def test_a_name_may_be_as_long_as_the_system_allows(tmp_path: Path) -> None:
+    """What is written beside it has a shorter one, with the same ending."""
+    file = tmp_path / ("x" * 251 + ".csv")
+    with replacing(file) as beside:
+        assert beside.suffix == ".csv"
+        beside.write_text("new")
+    assert [path.name for path in tmp_path.iterdir()] == [file.name]
+
+
+@pytest.mark.parametrize("kind", ["folder", "file", "link"])
+@pytest.mark.parametrize("days", [0.0, 0.9, 1.1])
+def test_what_a_killed_process_left_is_removed_after_a_day(kind: str, days: float, tmp_path: Path) -> None:
+    """Not before, for then it may be at work; and nothing else, however old, nor what a link names."""
+    precious = tmp_path / "precious"
+    precious.mkdir()
+    for name in (".unfinished-1-robot", "robot"):
+        path = tmp_path / name
+        if kind == "folder":
+            path.mkdir()
+            (path / "file").write_text("")
+        elif kind == "file":
+            path.write_text("")
+        else:
+            path.symlink_to("precious")
+        then = time.time() - days * 24 * 3600
+        os.utime(path, (then, then), follow_symlinks=False)
     remove_abandoned(tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {".unfinished-2-robot", "robot"}
+    stays = {".unfinished-1-robot"} if days < 1.0 else set()
+    assert {path.name for path in tmp_path.iterdir()} == {"robot", "precious"} | stays
+
+
+class System:
+    """A system's library with one call, which remembers its arguments."""
+
+    def __init__(self, name: str, status: int) -> None:
+        self.asked: list[tuple[object, ...]] = []
+        setattr(self, name, lambda *arguments: self.asked.append(arguments) or status)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [("renameat2", (-100, b"one", -100, b"other", 2)), ("renamex_np", (b"one", b"other", 2))],
+)
+@pytest.mark.parametrize("status", [0, -1])
+def test_each_system_is_asked_for_an_exchange_in_its_own_way(
+    name: str, arguments: tuple[object, ...], status: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """AT_FDCWD and RENAME_EXCHANGE on Linux, RENAME_SWAP on macOS; a status other than zero says that it could not."""
+    system = System(name, status)
+    monkeypatch.setattr(whole_files.ctypes, "CDLL", lambda _: system)
+    assert whole_files._exchange(Path("one"), Path("other")) is (status == 0)
+    assert system.asked == [arguments]
+
+
+def test_a_system_without_an_exchange_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(whole_files.ctypes, "CDLL", lambda _: System("rename", 0))
+    assert not whole_files._exchange(Path("one"), Path("other"))

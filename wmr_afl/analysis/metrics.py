@@ -25,7 +25,7 @@ def metrics(run: Run) -> dict[str, Any]:
             found["deviation"] = _by_name(run, run.deviation[-1])
             found["undetermined"] = list(run.undetermined)
         found["conditions"] = [
-            {"statement": one.statement, "largest": _finite(one.largest), "at": one.time, "bound": one.bound,
+            {"statement": one.statement, "largest": float(f"{one.largest:.9g}"), "at": one.time, "bound": one.bound,
              "broken_share": one.share}
             for one in run.conditions
         ]  # fmt: skip
@@ -40,11 +40,6 @@ def metrics(run: Run) -> dict[str, Any]:
 
 def _by_name(run: Run, values: np.ndarray) -> dict[str, float]:
     return dict(zip(run.estimate_units, _numbers(values), strict=True))
-
-
-def _finite(value: float) -> float | None:
-    """A number as JSON has it; what is infinite is null."""
-    return float(f"{value:.9g}") if np.isfinite(value) else None
 
 
 def _numbers(values: np.ndarray) -> list[float]:

@@ -11,6 +11,7 @@ from wmr_afl.controllers.direct_adaptation import guessed_inertia
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.closed_loop import ClosedLoop
 
+BEYOND = float(np.finfo(float).max)  # stands for what floating point cannot hold
 MOST = 20_000  # samples that are looked at, evenly spread
 
 
@@ -77,6 +78,6 @@ def _of_direct_adaptation(loop: ClosedLoop, seen: Mapping[str, Floats], numbers:
 
 
 def _condition(statement: str, values: Floats, bound: float, times: Floats, remedy: str) -> Condition:
-    values = np.where(np.isnan(values), np.inf, values)
+    values = np.where(np.isfinite(values), values, BEYOND)
     worst, share = int(np.argmax(values)), float(np.mean(~(values < bound)))
     return Condition(statement, float(values[0]), float(values[worst]), float(times[worst]), bound, share, remedy)

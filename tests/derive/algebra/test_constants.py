@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from math import cos, sin
-from pathlib import Path
 
-import numpy as np
 import pytest
 import sympy as sp
 
 from derive.algebra.constants import Constants, near_fractions_of_pi
 from derive.algebra.formula_text import formula, readable
-from tests.conftest import ROOT
-from tests.derive.descriptions import derived, lawful_model, motor, robot, steered, wheel
 from wmr_afl.numerics.formulas import numpy_value
 
 a, x = sp.symbols("a x", real=True)
-SECONDS = 60  # what used to run for minutes takes a few
 
 
 @pytest.mark.parametrize("angle", ["2.094395", "0.5", "1e-3", "3.7", "1.5707963", "6.25"])
@@ -75,38 +68,31 @@ def test_a_formula_too_long_or_too_deep_is_not_told() -> None:
     assert readable(sp.Add(*(sp.Symbol(f"s{k}") * a**k for k in range(3000)))) is None
 
 
-KIWI = [wheel(f"w{k}", at=(f"a*cos({t})", f"a*sin({t})"), heading=f"{t} + pi/2", roller_angle="0.785398")
-        for k, t in enumerate(("0", "2.094395", "-2.094395"))]  # fmt: skip
+@pytest.mark.parametrize("denominator", [7, 11, 49, 121])
+def test_fractions_of_pi_that_are_no_usual_ones_are_constants(denominator: int) -> None:
+    """Their values are those fractions, and their sines and cosines are exact to a double's last digit."""
+    constants = Constants()
+    for numerator in (-3, 2, 5):
+        angle = sp.pi * numerator / denominator
+        symbol = constants.in_angle(angle)
+        assert symbol.free_symbols <= constants.values.keys()
+        assert symbol.xreplace(constants.values) == angle
+    for numerator in (-3, 2, 5):
+        angle = sp.pi * numerator / denominator
+        for function in (sp.sin, sp.cos, sp.tan):
+            found = constants.exact(constants.inside_functions(function(angle)))
+            assert found.is_Rational
+            assert float(found) == pytest.approx(float(function(angle)), rel=4e-16)
 
 
-def test_rollers_with_decimal_angles_are_derived_in_seconds(tmp_path: Path) -> None:
-    """A process of its own, because before this the derivation never ended."""
-    path = tmp_path / "kiwi.toml"
-    path.write_text(robot(*KIWI, *(motor(f"w{k}") for k in range(3)), outputs={"X": "x", "Y": "y", "P": "phi"}))
-    command = [sys.executable, "-m", "derive", str(path), "--out", str(tmp_path)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=SECONDS)
-    assert done.returncode == 0, done.stderr
-    model = lawful_model(tmp_path / "small")
-    p = model.parameters()
-    rates = model.actuator_rates_matrix([0, 0, 0], p)
-    expected = [
-        [cos(h + r) / (p[0] * cos(r)), sin(h + r) / (p[0] * cos(r)), p[1] / p[0]]
-        for h, r in ((t + np.pi / 2, 0.785398) for t in (0.0, 2.094395, -2.094395))
-    ]
-    np.testing.assert_allclose(rates, expected, rtol=1e-14, atol=1e-14)
-
-
-def test_decimals_in_joints_outputs_and_headings(tmp_path: Path) -> None:
-    parts = (
-        steered("fork", ("a", "0"), "beta + 0.3"),
-        wheel("rear", heading="0"),
-        wheel("front", "fork", heading="-0.3"),
-    )
-    outputs = {"y1": "x + a*cos(phi) + L*cos(phi + beta + 0.25)", "y2": "y + a*sin(phi) + L*sin(phi + beta + 0.25)"}
-    text = robot(*parts, motor("rear"), motor("fork"), angles=("beta",), outputs=outputs)
-    model = lawful_model(derived(text, tmp_path))
-    q, p = np.array([0.1, -0.2, 0.4, 0.15]), model.parameters()
-    expected = [q[0] + 0.3 * cos(0.4) + 0.4 * cos(0.8), q[1] + 0.3 * sin(0.4) + 0.4 * sin(0.8)]
-    np.testing.assert_allclose(model.output(q, model.known(p)), expected, rtol=1e-14)
-    row = model.constraint_matrix(q, p)[1]
-    np.testing.assert_allclose(row[:2], [-sin(0.55), cos(0.55)], rtol=1e-14)  # beta + 0.3 - 0.3
+@pytest.mark.parametrize("decimals", [("0.7", "1.4"), ("0.3", "0.5"), ("0.2", "1.1")])
+def test_ratios_of_decimals_keep_their_identities(decimals: tuple[str, str]) -> None:
+    """cos(x + y) and sin(x - y) of any two of them, in whichever order they are read."""
+    for order in (decimals, decimals[::-1]):
+        constants, identities = Constants(), []
+        read = constants.inside_functions
+        for x in map(sp.Rational, order):
+            for y in map(sp.Rational, order):
+                c1, s1, c2, s2 = map(read, (sp.cos(x), sp.sin(x), sp.cos(y), sp.sin(y)))
+                identities += [read(sp.cos(x + y)) - c1 * c2 + s1 * s2, read(sp.sin(x - y)) - s1 * c2 + c1 * s2]
+        assert set(map(constants.exact, identities)) == {0}

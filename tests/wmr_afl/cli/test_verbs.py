@@ -263,6 +263,28 @@ def test_a_mistake_is_one_line_and_status_two(arguments: list[str], words: str, 
     assert not list(tmp_path.rglob("*.csv"))
 
 
+@pytest.mark.parametrize(
+    "arguments", [["simulate", "study_1"], ["reproduce", "fig5"], ["campaign", "study_1"], ["animate", "study_1"]]
+)
+def test_a_place_that_cannot_be_written_is_told_before_the_work(
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is run for it."""
+    from wmr_afl.cli import reproduction, runs
+    from wmr_afl.experiments import campaigns
+
+    def working(*given: Any, **named: Any) -> None:
+        pytest.fail("it was run first")
+
+    for module, name in ((runs, "run_with_progress"), (reproduction, "run_with_progress"), (campaigns, "campaign")):
+        monkeypatch.setattr(module, name, working)
+    (tmp_path / "file").write_text("")
+    place = tmp_path / "file" / ("one.gif" if arguments[0] == "animate" else "below")
+    done = call(*arguments, "--out", place)
+    assert done.exit_code == 2
+    assert "cannot be written" in done.stderr
+
+
 def test_several_mistakes_are_several_lines(tmp_path: Path) -> None:
     """Each with the same beginning."""
     (tmp_path / "two.toml").write_text(SHORT.replace("x = 15.0", 'x = "a"').replace("y = 25.0", 'y = "b"'))

@@ -7,21 +7,28 @@ import numpy as np
 import pytest
 
 from wmr_afl.controllers import (
+    DirectAdaptation,
+    Effort,
     GradientAdaptation,
     Knowledge,
     Leakage,
+    LeastSquares,
     LinearizingLaw,
     Normalization,
     OuterLoop,
+    PassivityLaw,
     Projection,
     RobustTerm,
     TrackingLaw,
 )
 from wmr_afl.controllers.adaptation import AdaptationTable, relative_gain
+from wmr_afl.controllers.groups import Group, groups_of
 from wmr_afl.controllers.law import Action
 from wmr_afl.controllers.outer_loop import OuterLoopTable, TrackingError, tracking_error
+from wmr_afl.controllers.passivity_law import ErrorDynamics
 from wmr_afl.controllers.projection import ProjectionTable, relative_bounds
 from wmr_afl.controllers.reference import Point, Reference
+from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTable
 from wmr_afl.controllers.tables import ControllerTable
 from wmr_afl.errors import MissingTermError, ShapeError, WmrError
@@ -34,6 +41,8 @@ from wmr_input import InputError
 from wmr_input.toml_file import validate
 
 CLOSE = {"rtol": 1e-11, "atol": 1e-11}
+NOT_POSITIVE = (0.0, -1.0, float("inf"), float("nan"))
+GROUPS = (Group((0,), (0, 1)),)  # one row with two parameters
 
 
 @pytest.fixture
@@ -137,11 +146,25 @@ def test_without_weights_every_motor_costs_the_same() -> None:
         lambda: RobustTerm(gamma=-1.0),
         lambda: RobustTerm(gamma=1.0, mu=-1.0),
         lambda: Projection(2, 1.0, 1.0),
+        lambda: Effort(2, [1.0, 0.0]),
+        lambda: Effort(2, -1.0),
+        lambda: Effort(2, 1.0, limit=0.0),
+        lambda: Effort(2, 1.0, limit=float("nan")),
+        *(lambda rate=rate: ErrorDynamics(rate) for rate in NOT_POSITIVE),
+        *(lambda rate=rate: ReferenceModel(2, rate) for rate in NOT_POSITIVE),
+        *(lambda gain=gain: DirectAdaptation(GROUPS, gain, [1.0], [1.0, 1.0]) for gain in NOT_POSITIVE),
+        *(lambda inertia=inertia: DirectAdaptation(GROUPS, 1.0, [inertia], [1.0, 1.0]) for inertia in NOT_POSITIVE),
+        *(lambda spread=spread: LeastSquares(GROUPS, 1, [1.0, 1.0], [1.0, spread]) for spread in NOT_POSITIVE),
+        *(
+            lambda key=key, number=number: LeastSquares(GROUPS, 1, [1.0, 1.0], [1.0, 1.0], **{key: number})
+            for key in ("noise", "filter", "memory")
+            for number in NOT_POSITIVE
+        ),
     ],
 )
 def test_a_number_with_which_a_part_means_nothing_is_refused(make) -> None:
-    """Weights, normalization and gamma are positive, leakage is not negative, bounds leave something."""
-    with pytest.raises(WmrError, match=r"choose|leave nothing"):
+    """Weights, rates, gains, noise and spread are positive numbers, leakage is not negative, bounds leave something."""
+    with pytest.raises(WmrError, match=r"choose|guess|leave nothing"):
         make()
 
 
@@ -313,6 +336,75 @@ def test_the_law_updates_its_states_as_its_parts_do(model, situation, random, is
         expected = adaptation.update(model.regressor(x, u, c), E1, theta, k, NUMPY, 0.01)
     np.testing.assert_allclose(after["theta_hat"], expected, rtol=1e-14)
     assert set(after) == set(law.states)
+
+
+@pytest.mark.parametrize("is_running", [True, False])
+def test_the_passivity_law_gives_what_the_estimated_robot_needs(model, situation, random, is_running: bool) -> None:
+    """R u = Y(x, v_r, a, c) pi_hat with v_r, s and a as the law says, yd behind a reference model; for every robot."""
+    x, c, pi_hat = situation.x[1], situation.c[1], model.passivity_parameters(situation.p[2])
+    n, rate, r, step = model.coordinate_count, 2.0, 3.0, 0.02
+    law = PassivityLaw(Knowledge(model, c, pi_hat, "passivity_parameters"), rate, r)
+    z, k, point = by_part(law.states), by_part(law.values), point_near(model, x, c, random)
+    e, e_dot = model.output(x[:n], c) - point.position, model.output_rate(x, c) - point.velocity
+    d, d_dot = e, e_dot  # at the first sample yd is where the robot is
+    if is_running:
+        before, rate_before = 0.1 * random.normal(size=(2, len(e)))
+        z.reference_model.distance, z.reference_model.distance_rate = before, rate_before
+        z.reference_model.is_running = np.ones(1)
+        moved = rate_before + r * before
+        d = (before + moved * step) * np.exp(-r * step)
+        d_dot = (rate_before - r * moved * step) * np.exp(-r * step)
+    yd_dot, yd_ddot = point.velocity + d_dot, point.acceleration - 2.0 * r * d_dot - r**2 * d
+    E, E_rate = model.output_map(x[:n], c), model.output_map_rate(x, c)
+    v_r = np.linalg.solve(E, yd_dot - rate * (e - d))
+    a = np.linalg.solve(E, yd_ddot - rate * (e_dot - d_dot) - E_rate @ v_r) - rate * (x[n:] - v_r)
+    action = law.act(x, point, z, k, model, step)
+    needed = model.passivity_regressor(x, v_r, a, c) @ pi_hat
+    np.testing.assert_allclose(model.allocation(x[:n], c) @ action.input, needed, rtol=1e-8, atol=1e-8)
+    assert action.regularity > 0.0
+    after = law.update(x, action, action.input, z, k, model, step)
+    assert set(after) == set(law.states)
+    np.testing.assert_allclose(after["theta_hat"], pi_hat, rtol=1e-14)
+    np.testing.assert_allclose(after["reference_model.distance"], d, **CLOSE)
+    np.testing.assert_allclose(after["reference_model.distance_rate"], d_dot, **CLOSE)
+    assert after["reference_model.is_running"] == 1.0
+
+
+@pytest.mark.parametrize("memory", [0.5, 20.0])
+def test_without_data_least_squares_forget_towards_the_prior(memory: float) -> None:
+    """pi_hat -= dt/T P P0^-1 (pi_hat - pi_0) and P += dt/T (P - P P0^-1 P); one equation then moves nothing."""
+    model, step = load_model("type_2_0"), 0.01
+    groups, count = groups_of(model), len(model.units_of("passivity_parameters"))
+    prior, spread = np.linspace(1.0, 2.0, count), np.linspace(0.5, 1.5, count)
+    part = LeastSquares(groups, len(model.input_units), prior, spread, memory=memory)
+    k, c, z = SimpleNamespace(**part.values), model.known(model.parameters()), SimpleNamespace(**part.states)
+    z.covariance = part.groups.packed_diagonals(0.3 * spread**2)
+    pi_hat, following = part.learn(np.zeros(5), prior + 3.0, z, k, c, model, step)
+    np.testing.assert_allclose(pi_hat, prior + 3.0 - 3.0 * step / memory * 0.3, rtol=1e-12)
+    expected = part.groups.packed_diagonals((0.3 + step / memory * (0.3 - 0.3**2)) * spread**2)
+    np.testing.assert_allclose(following["covariance"], expected, rtol=1e-12)
+
+
+def test_direct_adaptation_moves_against_the_error_group_by_group(random) -> None:
+    """pi_hat -= dt kappa lambda N0/m P0 Y_^T s with m the largest Y P0 Y^T so far; by P in the place of P0 if given."""
+    groups = (Group((1,), (2, 0)), Group((0,), (1,)))
+    Y = np.array([[0.0, 0.7, 0.0], [0.4, 0.0, -0.6]])
+    gain, rate, step, inertia, spread = 7.0, 3.0, 0.02, np.array([0.5, 2.0]), np.array([0.9, 1.1, 1.4])
+    part = DirectAdaptation(groups, gain, inertia, spread)
+    k, pi, s = SimpleNamespace(**part.values), random.normal(size=3), random.normal(size=2)
+    z = SimpleNamespace(**part.update(Y, 1.0, SimpleNamespace(**part.states), k, NUMPY))
+    largest = np.array([Y[1] @ (spread**2 * Y[1]), Y[0] @ (spread**2 * Y[0])])
+    np.testing.assert_allclose(z.largest, largest, rtol=1e-14)
+    gamma = gain * rate * inertia / largest
+    own_gain = np.array([gamma[0], gamma[1], gamma[0]])
+    expected = pi - step * own_gain * spread**2 * (Y.T @ s)
+    np.testing.assert_allclose(part.learn(pi, s, rate, None, z, k, NUMPY, step), expected, rtol=1e-12)
+    blocks = [[[2.0, 0.5], [0.5, 1.0]], [[3.0]]]  # in the order of the groups: parameters 2 and 0, then 1
+    P = np.array([[1.0, 0.0, 0.5], [0.0, 3.0, 0.0], [0.5, 0.0, 2.0]])
+    expected = pi - step * own_gain * (P @ (Y.T @ s))
+    np.testing.assert_allclose(part.learn(pi, s, rate, blocks, z, k, NUMPY, step), expected, rtol=1e-12)
+    z.is_running = np.zeros(1)
+    np.testing.assert_array_equal(part.learn(pi, s, rate, blocks, z, k, NUMPY, step), pi)
 
 
 def test_a_law_without_a_forward_form_cannot_adapt(model: Model) -> None:

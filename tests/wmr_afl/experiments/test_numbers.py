@@ -198,6 +198,8 @@ def test_seeds_belong_to_loops_that_draw() -> None:
         (Differences(parameters={"m_C": [1.0, -1.0]}), WmrError, "m_C = -1 kg is negative"),
         (Differences(gains={"b1": [float("nan")]}), WmrError, r"b1 is not finite"),
         (Differences(gains={"b1": [[1.0, 2.0, 3.0]]}), ShapeError, r"b1 has shape \(1, 3\); expected"),
+        (Differences(start={"x": [[1.0], [2.0]]}), ShapeError, r"x has shape \(2, 1\); expected one number, or 2: one"),
+        (Differences(parameters={"m_C": [[30.0, 31.0]]}), ShapeError, r"m_C has shape \(1, 2\); expected one number"),
         (Differences(scale={"parameters.nothing": [1.0]}), UnknownNameError, "parameter of type_2_0"),
     ],
 )
@@ -436,3 +438,15 @@ def test_a_controller_on_the_robot_adapts_at_the_input_that_the_file_names(sees:
         np.testing.assert_allclose(controller.update(run.time[k], run.state[k]), run.input[k], rtol=1e-9)
         np.testing.assert_allclose(controller.estimate, run.estimate[k + 1], rtol=1e-9)
     assert np.abs(run.command - run.input).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("own", "drive", "expected"),
+    [(None, None, None), (3.0, None, 3.0), (None, 24.0, 24.0), (3.0, 24.0, 3.0), (None, [24.0, 5.0], 5.0)],
+)
+def test_a_law_stays_within_its_own_limit_or_else_that_of_the_drive(own: Any, drive: Any, expected: Any) -> None:
+    """The lowest one of the motors; without either there is none."""
+    controller = {"law": "composite", "reference_rate": 2.0, "guess": {"m_C": 25.0}, **({"limit": own} if own else {})}
+    drives = {"uncertainties": {"input_limits": {"volts": drive}}} if drive else {}
+    found = loop(controllers={"AFL": controller}, **drives)
+    assert found.values.get("effort.limit") == expected

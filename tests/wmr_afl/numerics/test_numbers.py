@@ -250,3 +250,24 @@ def test_what_is_at_rest_takes_no_force() -> None:
     """Also where two forces could hold each other without an effect."""
     free = [None, None]
     assert stopping_forces([0.0, 0.0], [[1.0, -1.0], [-1.0, 1.0]], free, free, NUMPY) == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_forces_that_act_on_each_other_stop_what_they_oppose(count: int, library: str) -> None:
+    """No rate is left between the bounds, and at a bound only one that the force opposes in vain; None is no bound."""
+    random, seen = np.random.default_rng(count), set()
+    for _ in range(20):
+        root = np.eye(count) + 0.3 * random.normal(size=(count, count))
+        effects, rates = root @ root.T, random.normal(size=count)
+        most, least = random.uniform(0.1, 1.0, count), [None, *random.uniform(-1.0, -0.1, count - 1)]
+        found = stopping_forces(list(rates), effects.tolist(), least, list(most), LIBRARIES[library])
+        force = np.array([float(one) for one in found])
+        left = rates - effects @ force
+        at_most, at_least = force == most, np.array([force[i] == least[i] for i in range(count)])
+        assert np.all(np.abs(left[~at_most & ~at_least]) < 1e-6)
+        assert np.all(left[at_most] > -1e-6)
+        assert np.all(left[at_least] < 1e-6)
+        assert np.all(force <= most)
+        seen |= {*at_most.tolist(), *at_least.tolist()}
+    assert seen == {True, False}

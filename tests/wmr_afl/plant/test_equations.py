@@ -25,7 +25,7 @@ from wmr_afl.plant import (
 )
 from wmr_afl.plant.integrators import INTEGRATORS, euler, rk4
 from wmr_afl.plant.order import UncertaintiesTable
-from wmr_afl.plant.uncertainty import Surroundings
+from wmr_afl.plant.uncertainty import Resistance, Surroundings
 from wmr_input import InputError
 from wmr_input.toml_file import validate
 
@@ -236,6 +236,39 @@ def test_runge_kutta_keeps_its_order_under_a_load_that_varies_in_time() -> None:
     assert 12.0 < errors[0] / errors[1] < 21.0
 
 
+class Stop(Uncertainty):
+    """A stop for the motion `row` v, from which it is `distance` away."""
+
+    name = "stop"
+
+    def __init__(self, row: Floats, distance: float) -> None:
+        self.row, self.distance = row, distance
+
+    def resistance(self, x: Floats, p: Floats, k: SimpleNamespace, model: Model) -> Resistance:
+        return Resistance(self.row[None], [None], [0.0], np.array([self.distance]))
+
+
+@pytest.mark.parametrize("room", [0.5, -0.5])
+def test_a_stop_pushes_exactly_if_the_motion_would_go_beyond_it(
+    model: Model, situation: Situation, room: float
+) -> None:
+    """d + dt J v + dt J v_next, where the motion is two samples later, is zero if it were negative without the stop."""
+    row, step = np.random.default_rng(4).normal(size=model.pseudo_velocity_count), 0.01
+    x, u, p, n = situation.x[0], situation.u[0], situation.p[0], model.coordinate_count
+
+    def after(parts: list[Uncertainty]) -> Floats:
+        plant = Plant(model, p, x, uncertainties=parts)
+        return plant.update(0.0, u, by_part(plant.states), by_part(plant.values), model, step)["x"]
+
+    free = after([])
+    distance = room - step * row @ (x[n:] + free[n:])
+    stopped = after([Stop(row, distance)])
+    left = distance + step * row @ (x[n:] + stopped[n:])
+    np.testing.assert_allclose(left, max(room, 0.0), atol=1e-9)
+    force = model.inertia_matrix(x[:n], p) @ (stopped - free)[n:]
+    np.testing.assert_allclose(force, row * (force @ row) / (row @ row), rtol=1e-6, atol=1e-9)
+
+
 def test_limits_clip_every_motor_by_its_own() -> None:
     """|u_i| <= volts_i."""
     limits = InputLimits(3, [1.0, 2.0, 3.0])
@@ -397,8 +430,12 @@ def test_a_table_that_means_nothing_is_refused(tables: dict, words: str) -> None
         built(tables, load_model("type_2_0"))
 
 
-@pytest.mark.parametrize("seconds", [0.02, 0.06, 0.14])
-def test_a_delay_in_seconds_is_a_number_of_samples(seconds: float) -> None:
-    """Rounding of the quotient does not matter: 0.14/0.02 is 7."""
-    (delay,) = built({"input_delay": {"seconds": seconds}}, load_model("type_2_0"))
-    assert delay.samples_late == round(seconds / 0.02)
+@pytest.mark.parametrize("step", [1e-6, 1e-3, 0.02, 50.0])
+@pytest.mark.parametrize("samples", [1, 3, 7, 100_000])
+def test_a_delay_is_a_whole_number_of_samples_at_every_scale(samples: int, step: float) -> None:
+    """Rounding of the quotient does not matter: 0.14/0.02 is 7; a part of a sample does, however short samples are."""
+    (delay,) = built({"input_delay": {"seconds": samples * step}}, load_model("type_2_0"), step=step)
+    assert delay.samples_late == samples
+    for off in (-0.5, 0.3, 0.5):
+        with pytest.raises(WmrError, match="no whole number"):
+            built({"input_delay": {"seconds": (samples + off) * step}}, load_model("type_2_0"), step=step)

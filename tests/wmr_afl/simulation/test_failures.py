@@ -8,8 +8,9 @@ import pytest
 
 import wmr_afl
 from tests.conftest import EXPERIMENTS
+from wmr_afl.controllers.reference import Reference
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.simulation.failures import outer_loop_growth
+from wmr_afl.simulation.failures import cause, outer_loop_growth
 from wmr_afl.simulation.simulate import SimulationWarning, simulate
 
 STUDY = (EXPERIMENTS / "study_1.toml").read_text().split("[campaign]")[0].replace("duration = 140.0", "duration = 4.0")
@@ -62,6 +63,43 @@ def test_time_and_cause_are_the_same_however_it_is_run(way: str, tmp_path: Path)
     assert max(times) - min(times) <= (0.05 if "diverged" in causes[0] else 0.0)  # rounding grows with the state
     assert len(set(causes)) == 1, causes
     assert words in causes[0]
+
+
+def test_of_several_causes_the_first_one_along_the_loop_is_named() -> None:
+    """State, estimate, reference, output, regularity, input; what is singular at the start is said to be so."""
+    loop = load_experiment("study_1").loops["AFL"]
+    sound = {"x": np.zeros(5), "theta_hat": np.ones(6), "e": np.zeros(2), "regularity": np.ones(1), "u": np.zeros(2)}
+    along = {
+        "x": (np.nan, "the state is not finite"),
+        "theta_hat": (np.inf, "the estimate is not finite: the adaptation diverged; bound the estimates"),
+        "e": (-np.inf, "the output is not finite there"),
+        "regularity": (0.0, "the estimated decoupling matrix is singular; bound the estimates"),
+        "u": (np.nan, "the input is not finite"),
+    }
+    signals = dict(sound)
+    for name, (value, words) in reversed(along.items()):
+        signals[name] = np.full_like(sound[name], value)
+        assert cause(loop, 0.5, signals, loop.values).startswith(words)
+    ends = replace(loop, reference=Reference({"y1": "sqrt(1 - t)", "y2": "0"}))
+    assert cause(ends, 2.0, {**signals, "x": sound["x"], "theta_hat": sound["theta_hat"]}, loop.values).startswith(
+        "the reference, or a derivative of it, is not finite"
+    )
+
+
+@pytest.mark.parametrize(
+    ("controller", "matrix"),
+    [("AFL", "the estimated decoupling matrix"), ("frozen estimates", "the decoupling matrix")],
+)
+@pytest.mark.parametrize(("t", "when"), [(0.0, " at the start"), (0.02, ""), (1.0, "")])
+def test_what_is_singular_at_the_start_is_said_to_be_so(controller: str, matrix: str, t: float, when: str) -> None:
+    """And only at the first sample; estimates that move are bounded, and fixed ones kept away from it."""
+    loop = load_experiment("study_1").loops[controller]
+    signals = {"x": np.zeros(5), "theta_hat": np.ones(6), "e": np.zeros(2), "regularity": np.zeros(1)}
+    remedy = "bound the estimates" if loop.law.adapts else "keep away from where it is singular (wmr-afl show)"
+    assert cause(loop, t, signals, loop.values) == f"{matrix} is singular{when}; {remedy}"
+    of_passivity = {**loop.values, "error.rate": np.ones(1)}
+    words = f"the output map E or the allocation R is singular{when}; keep away"
+    assert cause(loop, t, signals, of_passivity).startswith(words)
 
 
 RANGES = {"x": (14.0, 16.0), "y": (24.0, 26.0), "phi": (-0.5, 0.5)}  # of starts, in which a third of the runs fail

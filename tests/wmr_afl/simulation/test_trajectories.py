@@ -11,6 +11,8 @@ import pytest
 import wmr_afl
 from tests.conftest import ROOT
 from wmr_afl import WmrError
+from wmr_afl.experiments.load import load_experiment
+from wmr_afl.simulation import trajectories
 
 h5py = pytest.importorskip("h5py")
 
@@ -81,6 +83,26 @@ def test_an_existing_file_stays_until_the_new_one_is_whole(tmp_path: Path, monke
     (tmp_path / "link.h5").symlink_to(file)
     wmr_afl.run_batch("study_1", scale={"m_C": [1.1]}, trajectories=tmp_path / "link.h5")
     assert file.read_bytes() == before
+
+
+def test_the_file_is_whole_when_it_takes_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kill right afterwards leaves all that was written: nothing of it waits for the file to be closed."""
+    seen = {}
+
+    def finished(beside: Path, path: Path) -> None:
+        (tmp_path / "copy.h5").write_bytes(beside.read_bytes())
+        with h5py.File(tmp_path / "copy.h5") as file:
+            seen.update({name: file[name][:] for name in file})
+
+    monkeypatch.setattr(trajectories, "finish", finished)
+    loop = load_experiment("study_1").loops["AFL"]
+    times, count = np.array([0.0, 0.02, 0.04]), 2
+    rows = np.ones((3, loop.signal_layout.size, count))
+    with trajectories.recording(tmp_path / "runs.h5", loop, times, count) as record:
+        record(slice(0, 2), slice(0, 3), rows)
+    assert set(seen) == {"time", "failure_time", *trajectories.DATASETS.values()}
+    assert all(np.all(seen[name] == 1.0) for name in trajectories.DATASETS.values())
+    np.testing.assert_array_equal(seen["time"], times)
 
 
 def test_memory_does_not_grow_with_the_number_of_runs(tmp_path: Path) -> None:

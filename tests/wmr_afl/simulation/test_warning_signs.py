@@ -1,5 +1,6 @@
 """What makes a run doubtful is said where it is so, and nowhere else."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from wmr_afl.controllers.reference import Reference
 from wmr_afl.model.model import load_model
 from wmr_afl.plant import InputLimits, Plant
 from wmr_afl.simulation.closed_loop import ClosedLoop
-from wmr_afl.simulation.conditions import MOST, conditions
+from wmr_afl.simulation.conditions import BEYOND, MOST, conditions
 from wmr_afl.simulation.warning_signs import GROWN, OFTEN, STUCK, warning_signs
 
 MODEL = load_model("type_2_0")
@@ -97,6 +98,46 @@ def test_an_estimate_that_grows_is_named() -> None:
     assert [one for one in signs(theta_hat=small) if "grew" in one] == []
 
 
+@pytest.mark.parametrize("worst", [0, 1])
+def test_of_estimates_that_grow_the_one_that_means_least_is_named(worst: int) -> None:
+    """By how many times its own first or true value it grew, however large another one is."""
+    theta = np.tile(TRUTH, (700, 1))
+    theta[10, :2] = 2.0 * GROWN * TRUTH[:2]
+    theta[10, worst] *= 1.5
+    found = [one for one in signs(theta_hat=theta) if "grew" in one]
+    assert len(found) == 1
+    assert f"the estimate of {NAMES[worst]} grew" in found[0]
+
+
+def test_an_estimate_of_almost_nothing_is_measured_by_the_largest_true_value(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thousandth of it: an estimate that begins and should end at nothing may be anything below thirty times that."""
+    truth = np.where(np.arange(6) == 2, 1e-9, TRUTH)
+    monkeypatch.setattr(Knowledge, "truth", lambda self, p: truth)
+    for factor, expected in ((1.05, True), (0.95, False)):
+        theta = np.tile(truth, (700, 1))
+        theta[10, 2] = factor * GROWN * 1e-3 * truth.max()
+        found = [one for one in signs(theta_hat=theta) if "grew" in one]
+        assert bool(found) == expected
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_joint_that_is_at_one_of_its_stops_is_named(side: float) -> None:
+    """Closer than a thousandth of a radian, at whichever of two, and in how many samples."""
+    model = SimpleNamespace(
+        has=lambda term: term == "joint_stops",
+        joint_stops=lambda q, p: np.stack([p[0] - q[:, 1], p[0] + q[:, 1]], axis=-1),
+        coordinate_count=3,
+    )
+    one = SimpleNamespace(model=SimpleNamespace(in_library=lambda _: model), law=SimpleNamespace(adapts=False))
+    x = np.zeros((1000, 5))
+    for left, share, expected in ((0.9e-3, 7, "0.7%"), (-1e-3, 500, "50.0%"), (1.1e-3, 500, None)):
+        x[:share, 1] = side * (0.4 - left)
+        found = warning_signs(one, {"x": x}, {"p": np.array([0.4])}, ())  # type: ignore[arg-type]
+        remedy = "follow a reference that turns less sharply"
+        sign = f"a joint is at its stop in {expected} of the samples; {remedy}"
+        assert found == ((sign,) if expected else ())
+
+
 @pytest.mark.parametrize("factor", [0.5, 2.0])
 def test_an_estimate_at_its_bound_at_the_end_is_named(factor: float) -> None:
     """In more than half of the last two sevenths, at either bound; what was before does not count."""
@@ -168,12 +209,12 @@ def test_a_condition_is_told_where_it_is_worst() -> None:
 
 
 def test_numbers_that_overflow_break_a_condition() -> None:
-    """Infinite or undefined speeds count as broken; long runs are looked at in even steps."""
+    """Infinite or undefined speeds break it; the largest number stands for them; long runs are looked at in steps."""
     x = np.zeros((3, 5))
     x[1, 3:] = 1e200
     signals = {"x": x, "u": np.zeros((3, 2)), "command": np.ones((3, 2)), "theta_hat": np.tile(TRUTH, (3, 1))}
     (found,) = conditions(loop(), signals, loop().values)
-    assert (found.largest, found.time, found.share) == (np.inf, 0.02, pytest.approx(1.0 / 3.0))
+    assert (found.largest, found.time, found.share) == (BEYOND, 0.02, pytest.approx(1.0 / 3.0))
     many = {name: np.repeat(signal[:1], 2 * MOST + 1, axis=0) for name, signal in signals.items()}
     many["x"][1] = 1e200  # every third is looked at
     (found,) = conditions(loop(), many, loop().values)

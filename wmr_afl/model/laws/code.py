@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wmr_afl.model.laws.law import Law, Situation, relative
+from wmr_afl.model.laws.law import Law, Situation, largest, relative
 from wmr_afl.numerics.arrays import Floats
 
 _STEPS = tuple(1e-2 / 4.0**k for k in range(7))  # of differences, in units of the state and the input
@@ -16,7 +16,7 @@ def _libraries_agree(s: Situation) -> float:
         given = [s.arguments[argument] for argument in function.name_in()]
         batch = getattr(s.numpy, name)(*given)
         single = np.array([function(*row).full() for row in zip(*given, strict=True)])
-        worst = max(worst, _entrywise(single.reshape(batch.shape), batch))
+        worst = largest(worst, _entrywise(single.reshape(batch.shape), batch))
     return worst
 
 
@@ -27,9 +27,9 @@ def _entrywise(value: Floats, expected: Floats) -> float:
     """
     if not value.size:
         return 0.0
-    largest = np.max(np.abs(expected), axis=0)
-    rounding = 4.0 * np.finfo(float).eps * float(largest.max())
-    return float(np.max(np.maximum(np.abs(value - expected) - rounding, 0.0) / np.maximum(largest, 1e-300)))
+    size = np.max(np.abs(expected), axis=0)
+    rounding = 4.0 * np.finfo(float).eps * float(size.max())
+    return float(np.max(np.maximum(np.abs(value - expected) - rounding, 0.0) / np.maximum(size, 1e-300)))
 
 
 def _batches_agree(s: Situation) -> float:
@@ -39,23 +39,23 @@ def _batches_agree(s: Situation) -> float:
         term = getattr(s.numpy, name)
         given = [s.arguments[argument] for argument in function.name_in()]
         singles = np.array([term(*row) for row in zip(*given, strict=True)])
-        worst = max(worst, relative(term(*given), singles))
+        worst = largest(worst, relative(term(*given), singles))
         square = term(*(array[:4].reshape(2, 2, array.shape[1]) for array in given))
-        worst = max(worst, relative(square, singles[:4].reshape(2, 2, *singles.shape[1:])))
+        worst = largest(worst, relative(square, singles[:4].reshape(2, 2, *singles.shape[1:])))
         for shape in ((0,), (3, 0)):
             empty = term(*(np.zeros((*shape, array.shape[1])) for array in given))
             if empty.shape != (*shape, *singles.shape[1:]):
                 return np.inf
         spread = term(given[0][:, None, :], *(array[None, :1, :] for array in given[1:]))
         rows = [term(row, *(array[0] for array in given[1:])) for row in given[0]]
-        worst = max(worst, relative(spread[:, 0], np.array(rows)))
+        worst = largest(worst, relative(spread[:, 0], np.array(rows)))
     return worst
 
 
 def _jacobians_are_derivatives(s: Situation) -> float:
     arguments = (s.x, s.u, s.w, s.p)
     worst = relative(s.numpy.state_jacobian(*arguments), s.jacobian("state_derivative", "x"))
-    return max(worst, relative(s.numpy.input_jacobian(*arguments), s.jacobian("state_derivative", "u")))
+    return largest(worst, relative(s.numpy.input_jacobian(*arguments), s.jacobian("state_derivative", "u")))
 
 
 def _jacobians_are_differences(s: Situation) -> float:
@@ -71,7 +71,7 @@ def _jacobians_are_differences(s: Situation) -> float:
             continue
         difference = np.abs(jacobian - _settled([_differences(s, wrt, step) for step in _STEPS]))
         size = np.maximum(1.0, np.abs(jacobian).max(axis=(1, 2), keepdims=True))
-        worst = max(worst, float(np.max(difference / size)))
+        worst = largest(worst, float(np.max(difference / size)))
     return worst
 
 
@@ -107,7 +107,7 @@ def _trusted_values(s: Situation) -> float:
         expected = np.reshape(np.array(trusted["values"][name], dtype=float), description["size"])
         in_casadi = getattr(s.casadi, name)(*given).full().reshape(expected.shape)
         for value in (getattr(s.numpy, name)(*given), in_casadi):
-            worst = max(worst, _entrywise(value[None], expected[None]))
+            worst = largest(worst, _entrywise(value[None], expected[None]))
     return worst
 
 

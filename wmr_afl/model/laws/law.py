@@ -57,7 +57,7 @@ class Situation:
             if self.numpy.has("decoupling_matrix"):
                 x = np.hstack([candidates, np.zeros((len(candidates), self.numpy.pseudo_velocity_count))])
                 matrices.append(self.numpy.decoupling_matrix(x, self.numpy.base_parameters(p), self.numpy.known(p)))
-            sizes = [_condition(matrix) for matrix in matrices]
+            sizes = [condition(matrix) for matrix in matrices]
         conditions = np.prod(sizes, axis=0)
         kept = np.flatnonzero(conditions <= CLOSE * np.median(conditions))
         return candidates[kept[:count]]
@@ -118,6 +118,11 @@ def relative(value: ArrayLike, expected: ArrayLike) -> float:
     return float(difference / max(1.0, float(np.max(np.abs(expected)))))
 
 
+def largest(*deviations: float) -> float:
+    """The largest of deviations; NaN if one of them is, which `max` would hide."""
+    return float(np.max(deviations))
+
+
 def missing_rank(regressor: Floats) -> float:
     """How many columns of the stacked regressor follow from others."""
     stacked = regressor.reshape(-1, regressor.shape[-1])
@@ -138,7 +143,7 @@ def transposed(matrix: Floats) -> Floats:
     return np.swapaxes(matrix, -1, -2)
 
 
-def _condition(matrices: Floats) -> Floats:
+def condition(matrices: Floats) -> Floats:
     """How far each matrix is from losing rank: largest over smallest singular value; inf if it is not finite."""
     finite: Any = np.isfinite(matrices).all(axis=(-2, -1))
     whole: Any = np.where(finite[..., None, None], matrices, 0.0)

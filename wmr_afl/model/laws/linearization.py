@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wmr_afl.model.laws.law import Law, Situation, relative, times, transposed
+from wmr_afl.model.laws.law import Law, Situation, largest, relative, times, transposed
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import NUMPY, Floats
 from wmr_afl.numerics.formulas import numpy_value
@@ -65,7 +65,7 @@ def _known_parameters(s: Situation) -> float:
     gain = by_inertia @ s.numpy.input_matrix(s.q, s.p)
     drift = -times(by_inertia, times(s.numpy.coriolis_matrix(s.x, s.p), s.v))
     worst = relative(s.numpy.decoupling_matrix(s.x, s.theta, s.c), gain)
-    return max(worst, relative(s.numpy.lie_q_lie_f_h(s.x, s.theta, s.c), drift))
+    return largest(worst, relative(s.numpy.lie_q_lie_f_h(s.x, s.theta, s.c), drift))
 
 
 def _determinant(s: Situation) -> float:

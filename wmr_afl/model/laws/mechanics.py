@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wmr_afl.model.laws.law import Law, Situation, relative, times, transposed
+from wmr_afl.model.laws.law import Law, Situation, condition, largest, relative, times, transposed
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.formulas import numpy_value
 
@@ -16,12 +16,9 @@ def _constraints_hold(s: Situation) -> float:
 
 def _full_rank(s: Situation) -> float:
     """Zero if every matrix has full rank with a margin."""
-    smallest = []
-    for matrix in (s.numpy.kinematic_matrix(s.q, s.p), transposed(s.numpy.constraint_matrix(s.q, s.p))):
-        if matrix.shape[-1]:
-            values = np.linalg.svd(matrix, compute_uv=False)
-            smallest.append(values[..., -1] / values[..., 0])
-    return max(0.0, 1e-6 - float(np.min(smallest)))
+    matrices = s.numpy.kinematic_matrix(s.q, s.p), transposed(s.numpy.constraint_matrix(s.q, s.p))
+    worst = max(float(condition(matrix).max()) for matrix in matrices if matrix.shape[-1])
+    return max(0.0, 1e-6 - 1.0 / worst)
 
 
 def _coordinates_move_as_kinematics_say(s: Situation) -> float:
@@ -36,7 +33,7 @@ def _inertia_is_symmetric(s: Situation) -> float:
 
 def _inertia_is_positive(s: Situation) -> float:
     values = np.linalg.eigvalsh(s.numpy.inertia_matrix(s.q, s.p))
-    return max(0.0, 1e-9 - float(np.min(values[:, 0] / values[:, -1])))
+    return largest(0.0, 1e-9 - float(np.min(values[:, 0] / np.abs(values).max(axis=1))))
 
 
 def _inertia_rate(s: Situation) -> Floats:
@@ -56,7 +53,7 @@ def _coriolis_is_skew(s: Situation) -> float:
 def _damping_dissipates(s: Situation) -> float:
     damping = _damping(s)
     lowest = np.min(np.linalg.eigvalsh((damping + transposed(damping)) / 2.0))
-    return relative(damping, transposed(damping)) + max(0.0, -float(lowest))
+    return relative(damping, transposed(damping)) + largest(0.0, -float(lowest))
 
 
 def _power_balance(s: Situation) -> float:
@@ -72,7 +69,7 @@ def _motors_act_where_they_turn(s: Situation) -> float:
     rates = s.numpy.actuator_rates_matrix(s.q, s.p)
     torque_gain, back_emf = (_of_motors(s, key)[:, None, :] for key in ("torque_gain", "back_emf"))
     worst = relative(s.numpy.input_matrix(s.q, s.p), transposed(rates) * torque_gain)
-    return max(worst, relative(_damping(s), (transposed(rates) * back_emf) @ rates))
+    return largest(worst, relative(_damping(s), (transposed(rates) * back_emf) @ rates))
 
 
 def _stops_move_as_their_joints(s: Situation) -> float:

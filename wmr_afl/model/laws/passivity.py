@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wmr_afl.model.laws.law import Law, Situation, missing_rank, relative, times
+from wmr_afl.model.laws.law import Law, Situation, largest, missing_rank, relative, times
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.formulas import numpy_value
@@ -84,7 +84,7 @@ def _groups_share_nothing(s: Situation) -> float:
 def _output_map(s: Situation) -> float:
     E, rate = s.numpy.output_map(s.q, s.c), s.numpy.output_map_rate(s.x, s.c)
     worst = relative(times(E, s.v), s.numpy.output_rate(s.x, s.c))
-    return max(worst, relative(times(rate, s.v), s.numpy.lie_f2_h(s.x, s.c)))
+    return largest(worst, relative(times(rate, s.v), s.numpy.lie_f2_h(s.x, s.c)))
 
 
 def _output_map_rate(s: Situation) -> float:

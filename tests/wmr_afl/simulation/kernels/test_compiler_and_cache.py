@@ -179,6 +179,20 @@ def test_another_option_is_another_library(cache: Path, monkeypatch: pytest.Monk
         assert f"-DHERE={value}" in build.compiler_version()
 
 
+@pytest.mark.parametrize(
+    ("printed", "name"),
+    [("gcc (Box 1) 12.2.0\nCopyright\n", "(Box 1) 12.2.0"), ("clang version 17", "version 17"), ("", "")],
+)
+def test_a_compiler_is_known_by_its_version_whatever_it_is_called_by(
+    printed: str, name: str, cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first line of it without its first word, then the options."""
+    (tmp_path / "version").write_text(printed)
+    monkeypatch.setenv("CC", f"{script(tmp_path / 'my_cc', f'cat {tmp_path}/version')} -m64")
+    forget()
+    assert build.compiler_version() == " ".join((name, "-m64", *build.FLAGS))
+
+
 def test_an_interrupt_stops_the_compiler(cache: Path, tmp_path: Path) -> None:
     text = f'[ "$1" = --version ] && exit 0\necho $$ > {tmp_path}/pid\nexec sleep 1000'
     slow = script(tmp_path / "slow_cc", text)

@@ -215,6 +215,23 @@ def test_a_failure_is_the_first_sample_that_is_not_regular(backend: str, logged:
 
 
 @pytest.mark.parametrize("backend", KERNELS)
+@pytest.mark.parametrize("wrong", [np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_a_failure_is_the_first_sample_at_which_a_checked_signal_is_not_finite(
+    place: int, wrong: float, backend: str
+) -> None:
+    """Whichever of the checked ones it is; one that is not checked may be anything."""
+    z, t, k = (ca.SX.sym(name) for name in ("z", "t", "k"))
+    signals = [z, z, z, 1.0]
+    signals[place] = ca.if_else(ca.logic_or(t == 3.0, t == 5.0), k, z)
+    step = ca.Function("step", [z, t, ca.SX(0, 1), k], [z, ca.vertcat(*signals)])
+    kernel = KERNELS[backend](step, Watched(regularity=3, checked=(0, 2)))
+    block = kernel.start(np.ones((1, 1)))
+    kernel.advance(block, np.arange(8.0), None, kernel.prepare(np.array([[wrong]])))
+    assert block.failed[0] == (np.inf if place == 1 else 3.0)
+
+
+@pytest.mark.parametrize("backend", KERNELS)
 def test_a_size_that_is_no_number_never_counts(backend: str) -> None:
     """The largest one is kept."""
     z, t = ca.SX.sym("z"), ca.SX.sym("t")

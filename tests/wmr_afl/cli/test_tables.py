@@ -1,0 +1,144 @@
+"""What tables and lines of the command line hold, for runs, campaigns and models that are made by hand."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from tests.wmr_afl.experiments.campaigns.handmade import NAN, result
+from wmr_afl import load_model
+from wmr_afl.cli import app, campaigns, progress, show, terminal
+from wmr_afl.experiments.distributions import SuccessTable
+from wmr_afl.simulation.result import Failure, Run
+
+MODEL = load_model("type_2_0")
+VERBS = {"models", "show", "derive", "check", "animate", "simulate", "reproduce", "campaign"}
+
+
+@pytest.fixture(autouse=True)
+def _wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tables are not wrapped; lines of errors are as long as they are."""
+    monkeypatch.setattr(terminal.console, "_width", 400)
+    monkeypatch.setattr(terminal.errors, "_width", 60)
+
+
+def run(**changed: Any) -> Run:
+    """A run of 70 s whose errors are 3 m and 4 m in its first half and a tenth of it later."""
+    time = np.arange(71.0)
+    error = np.where(time[:, None] < 35.0, 1.0, 0.1) * [3.0, -4.0]
+    usual = {
+        "controller": "AFL", "model": MODEL, "time": time, "state": np.zeros((71, 5)), "input": np.full((71, 2), -7.25),
+        "command": np.zeros((71, 2)), "error": error, "estimate": np.ones((71, 6)), "reference": np.zeros((71, 2)),
+        "parameters": MODEL.parameters(), "known": MODEL.known(MODEL.parameters()),
+    }  # fmt: skip
+    return Run(**{**usual, **changed})
+
+
+def printed(part: Any) -> str:
+    """A part of the output as plain text."""
+    console = Console(width=400, no_color=True)
+    with console.capture() as captured:
+        console.print(part, highlight=False)
+    return captured.get()
+
+
+def cells(line: str) -> list[str]:
+    """The cells of a line of a table."""
+    plain = line.replace("│", "  ").replace("┃", "  ")
+    return [cell.strip() for cell in plain.split("  ") if cell.strip()]
+
+
+def test_a_table_of_metrics_has_a_line_for_each_run(capsys: pytest.CaptureFixture[str]) -> None:
+    """Errors, those once it has settled, and the largest input; of a run that failed its cause instead."""
+    failed = run(failure=Failure(1.5, "diverged [in red]"), controller="[PID]")
+    progress.print_metrics("a [title]", {"AFL": run(), "[PID]": failed, "none": run(failure=Failure(0.0, "at once"))})
+    lines = [cells(line) for line in capsys.readouterr().out.splitlines()]
+    assert lines[0] == ["a [title]"]
+    table = {line[0]: line[1:] for line in lines if line}
+    rms = ", ".join(f"{value:.3g}" for value in run().rms())
+    assert table["AFL"] == [rms, "0.3, 0.4 (since 50 s)", "7.25 V"]
+    assert table["[PID]"] == ["-", "-", "7.25 V", "stopped at t = 1.5 s: diverged [in red]"]
+    assert table["none"][-1] == "stopped at t = 0 s: at once"
+
+
+def test_each_sign_of_doubt_is_a_line_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    """On the error stream, with the run that it is about, however long it is."""
+    long = "[bold] of " + "many words " * 20
+    progress.print_metrics("title", {"[one]": run(warnings=(long.strip(), "short")), "two": run(warnings=("other",))})
+    found = capsys.readouterr().err.splitlines()
+    assert found == [f"warning: [one]: {long.strip()}", "warning: [one]: short", "warning: two: other"]
+
+
+def test_a_campaign_is_told_in_success_quantiles_and_worst_runs() -> None:
+    """A line for each quantity and each of the worst runs, with what it drew; causes with their numbers."""
+    found = result(
+        [[0.1, 0.2], [0.3, 0.1], [NAN, NAN], [0.5, 0.4]], [NAN, NAN, 7.5, NAN], success=SuccessTable(rms=0.4)
+    )
+    parts = [printed(part) for part in campaigns.tables(found)]
+    lines = [line.strip() for line in "".join(parts).splitlines()]
+    assert lines[0] == "4 runs of AFL, seed 3"
+    rate, low, high = found.success_rate()
+    confidence = f"{rate:.2%}, with 95 % confidence {low:.2%} to {high:.2%}"
+    assert lines[1] == f"success (did not fail, rms at most 0.4): {confidence}"
+    assert lines[2] == "failed 1: diverged"
+    table = {row[0]: row[1:] for row in map(cells, lines) if row}
+    for name, quantiles in found.quantiles().items():
+        assert table[name] == [f"{value:.3g}" if np.isfinite(value) else "failed" for value in quantiles]
+    worst = [int(row[0]) for row in map(cells, lines) if len(row) == 3 and row[0].isdigit()]
+    assert worst == found.worst(campaigns.SHOWN).tolist()
+    assert table["2"] == ["failed at 7.5 s", "start.x = 0.6667"]
+    assert table["3"] == ["RMS error 0.5", "start.x = 1"]
+
+
+@pytest.mark.parametrize("count", range(7))
+def test_of_many_rows_three_lines_are_listed_that_account_for_all(count: int) -> None:
+    """All of them up to three; then the first ones, and how many more there are."""
+    rows = [f"row {number}" for number in range(count)]
+    lines = show._listed(rows, "a ").splitlines()
+    assert len(lines) == min(count, 3)
+    listed = [line for line in lines if line.startswith("a row")]
+    assert listed == [f"a {row}" for row in rows[: len(listed)]]
+    if count > 3:
+        assert lines[-1] == f"and {count - len(listed)} more, see model.json"
+        assert len(listed) == 2
+    else:
+        assert len(listed) == count
+
+
+@pytest.mark.parametrize("lines", [1, 2, 3])
+def test_a_long_text_is_cut_off_where_its_lines_end(lines: int) -> None:
+    """One that fits stays; a longer one says where the whole is."""
+    longest = lines * (400 - 25) - (lines - 1) * 10
+    assert show._short("x" * longest, lines) == "x" * longest
+    cut = show._short("x" * (longest + 1), lines)
+    assert cut == "x" * (longest - 25) + "... (see model.json)"
+    assert len(cut) <= longest
+
+
+def test_what_can_be_adapted_is_told_of_each_robot(robot: str) -> None:
+    """In how many parameters for each group, and whether the paper's law can, too."""
+    model = load_model(robot)
+    sizes = " + ".join(str(len(group["parameters"])) for group in model.metadata["passivity_groups"])
+    expected = f"composite and direct laws in {sizes} parameters pi, apart by motor factors"
+    assert show._adaptation(model) == expected + (", the paper's in theta" if model.has("regressor") else "")
+
+
+def test_why_nothing_can_be_adapted_is_told() -> None:
+    """The obstacle, or that there is nothing to track."""
+    terms: dict[str, Any] = {"metadata": {"passivity_obstacle": "motors differ"}, "output_units": {"y": "m"}}
+    none = SimpleNamespace(has=lambda term: False, **terms)
+    assert show._adaptation(none) == "none of the composite law: motors differ"  # type: ignore[arg-type]
+    blind = SimpleNamespace(has=lambda term: True, output_units={}, units_of=lambda kind: {"a": "kg", "b": "kg"})
+    expected = "none without outputs; R u = Y pi is linear in 2 parameters"
+    assert show._adaptation(blind) == expected  # type: ignore[arg-type]
+
+
+def test_without_a_verb_all_verbs_are_told() -> None:
+    """As with --help: whoever knows nothing yet is not only told that something is missing."""
+    done, asked = (CliRunner().invoke(app, given) for given in ([], ["--help"]))
+    assert "Missing command" not in done.output
+    for text in (done.output, asked.output):
+        assert set(text.replace("│", " ").split()) >= VERBS

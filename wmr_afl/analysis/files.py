@@ -106,6 +106,8 @@ def columns(run: Run) -> list[str]:
         *_named("error_", model.output_units),
         *_named("estimate_", run.estimate_units),
         *(() if run.deviation is None else _named("deviation_", run.estimate_units)),
+        *(() if run.observed is None else _named("observed_", model.state_units)),
+        *(() if run.unexpected is None else _named("unexpected_", _accelerations(model.output_units))),
     ]
 
 
@@ -117,9 +119,13 @@ def _lines(run: Run) -> Iterator[str]:
         table = np.hstack([
             run.time[part, None], run.state[part], run.input[part], run.command[part],
             run.reference[part], run.error[part], run.estimate[part],
-            *(() if run.deviation is None else (run.deviation[part],)),
+            *(signal[part] for signal in (run.deviation, run.observed, run.unexpected) if signal is not None),
         ])  # fmt: skip
         yield from (",".join(map(repr, row)) + "\n" for row in table.tolist())
+
+
+def _accelerations(units: Mapping[str, str]) -> dict[str, str]:
+    return {name: f"{unit}/s^2" for name, unit in units.items()}
 
 
 def _named(before: str, units: Mapping[str, str]) -> list[str]:

@@ -64,6 +64,7 @@ class Law(Fixed):
     parts: Parts[Part]
     adapts: bool  # whether its estimates move
     knows_deviation: bool = False  # of its estimates
+    observes: bool = False  # whether it goes by what an observer makes of the pose
     lead: float = 0.0  # [s]: how much later than now the reference counts that it is given
 
     @property

@@ -120,7 +120,7 @@ class PassivityLaw(Law):
         self.reference_model = ReferenceModel(len(model.output_units), reference_rate)
         self.projection = projection or Projection(len(knowledge.theta_hat))
         self.sight = sight or Sight()
-        self.lead = self.sight.lead
+        self.observes, self.lead = self.sight.observer is not None, self.sight.lead
         own = (self.error, self.reference_model, self.effort, direct, least_squares, self.projection)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 

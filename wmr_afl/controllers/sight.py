@@ -32,6 +32,11 @@ class View:
     cancelled: Array | None = None  # c E^-1 d^ (n-m,) [of v']
     fast: Array | None = None  # of it what is kept out of the data
 
+    @property
+    def unexpected(self) -> Array:
+        """d^ (n-m,) [output units/s^2]; only where there is an observer."""
+        return None if self.seen is None else self.seen.unexpected
+
     def error(self, reference: Point, c: Array, model: Model) -> TrackingError:
         """y - yr and its rate, where the command acts."""
         if self.ahead is None:

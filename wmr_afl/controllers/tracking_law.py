@@ -74,7 +74,7 @@ class TrackingLaw(Law):
         is_late = adaptation is not None and adaptation.is_late
         self.last = LastRegressor(len(model.output_units), len(knowledge.units)) if is_late else None
         self.sight = sight or Sight()
-        self.lead = self.sight.lead
+        self.observes, self.lead = self.sight.observer is not None, self.sight.lead
         own = (self.outer_loop, self.linearizing, *adapting, self.robust, self.reference_model, self.last)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 

@@ -12,6 +12,7 @@ import numpy as np
 from wmr_afl.controllers.law import Law
 from wmr_afl.controllers.outer_loop import tracking_error
 from wmr_afl.controllers.reference import Reference
+from wmr_afl.controllers.sight import View
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.parts import disjoint
@@ -52,7 +53,9 @@ class ClosedLoop:
     def signals(self) -> dict[str, int]:
         """What is logged at every sample, with sizes."""
         outputs, inputs = len(self.model.output_units), len(self.model.input_units)
-        deviation = {"deviation": len(self.law.knowledge.units)} if self.law.knows_deviation else {}
+        optional = {"deviation": len(self.law.knowledge.units)} if self.law.knows_deviation else {}
+        if self.law.observes:
+            optional |= {"observed": len(self.model.state_units), "unexpected": outputs}
         return {
             "x": len(self.model.state_units),
             "u": inputs,
@@ -61,7 +64,7 @@ class ClosedLoop:
             "theta_hat": len(self.law.knowledge.units),
             "reference": outputs,
             "regularity": 1,
-            **deviation,
+            **optional,
         }
 
     @functools.cached_property
@@ -112,6 +115,9 @@ class ClosedLoop:
         }
         if self.law.knows_deviation:
             signals["deviation"] = self.law.deviation(z, model.arrays)
+        if self.law.observes:
+            view: View = action.memory["view"]
+            signals |= {"observed": view.now, "unexpected": view.unexpected}
         following = {
             **self.plant.update(t, action.input, z, k, model, self.sample_time),
             **self.law.update(seen, action, applied, z, k, model, self.sample_time),

@@ -45,6 +45,8 @@ class Run:
     warnings: tuple[str, ...] = ()  # what makes the run doubtful, with remedies
     estimated: str = "base_parameters"  # the generated function of p whose values are estimated
     deviation: Floats | None = None  # (T, n_theta), standard deviation of each estimate, if the law knows it
+    observed: Floats | None = None  # (T, 2n-m), the state as an observer tells it from the pose, if there is one
+    unexpected: Floats | None = None  # (T, n-m), d^ of the observer: y'' that the law did not expect
     conditions: tuple[Condition, ...] = ()  # of proofs in discrete time, tried along the run
 
     def __repr__(self) -> str:

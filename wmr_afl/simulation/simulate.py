@@ -82,6 +82,8 @@ def simulate(
         error=logged["e"],
         estimate=logged["theta_hat"],
         deviation=logged.get("deviation"),
+        observed=logged.get("observed"),
+        unexpected=logged.get("unexpected"),
         reference=logged["reference"],
         parameters=numbers["p"].copy(),
         known=numbers["c"].copy(),

@@ -6,12 +6,14 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
+from wmr_afl.controllers.tables import OBSERVER_SHARE, SHARE
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.conditions import Condition
 
 OFTEN = 0.05  # share of samples from which limits shape a run instead of cutting off its start
 GROWN = 30.0  # times the largest first estimate, or true value: no estimate that means anything gets there
+FAR_BEYOND = 2.0  # times the usual rate: its poles are too fast for the samples
 STUCK = 0.5  # share of the last samples at a bound: the bound tells the estimate, not the robot
 AT_STOP = 1e-3  # [rad]
 LATE = 2.0 / 7.0  # the end of a run, in which it should have settled
@@ -29,7 +31,8 @@ def warning_signs(
         for one in conditions
         if not one.at_start < one.bound
     )
-    return (*_inputs(loop, signals, numbers), *_joints(loop, signals, numbers), *estimates, *broken)
+    seen = (*_inputs(loop, signals, numbers), *_joints(loop, signals, numbers), *_rates(loop, numbers))
+    return (*seen, *estimates, *broken)
 
 
 def _inputs(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:
@@ -40,6 +43,18 @@ def _inputs(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[st
     if share > OFTEN:
         remedy = "follow a slower reference, start closer to it, or lower the gains"
         yield f"a motor is at its limit in {share:.0%} of the samples; {remedy}"
+
+
+def _rates(loop: ClosedLoop, numbers: Mapping[str, Floats]) -> Iterator[str]:
+    if not loop.law.observes:
+        return
+    usual = {"observer.rate": OBSERVER_SHARE, "error.rate": SHARE}
+    for name, share in usual.items():
+        rate, bearable = numbers.get(name), share / loop.sample_time
+        if rate is not None and rate[0] > FAR_BEYOND * bearable:
+            what = "observer" if name == "observer.rate" else "loop"
+            figures = f"the rate of the {what} is {rate[0]:g} /s, at samples of {loop.sample_time:g} s"
+            yield f"{figures} {bearable:g} /s is usual; choose that, or sample faster"
 
 
 def _joints(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:

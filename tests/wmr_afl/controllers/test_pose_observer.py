@@ -11,8 +11,11 @@ import pytest
 import wmr_afl
 from tests.conftest import ROBOTS
 from wmr_afl import Controller, WmrError, load_model
+from wmr_afl.analysis.files import columns, write_results
 from wmr_afl.controllers.outer_loop import sampled_gains
-from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
+from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver, Seen
+from wmr_afl.controllers.sight import Sight
+from wmr_afl.controllers.under_way import CommandsUnderWay
 from wmr_afl.experiments.experiment import find_experiment
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.numerics.arrays import NUMPY, Floats
@@ -78,9 +81,8 @@ def test_an_angle_that_jumps_by_a_turn_is_the_same_angle() -> None:
     c, observer = model.known(model.parameters()), PoseObserver(3, 30.0)
     z, k = SimpleNamespace(**observer.states), own(observer)
     for phi in (3.1, 3.13, 3.16 - 2.0 * np.pi, 3.19 - 2.0 * np.pi):
-        seen = observer.see(
-            x := np.array([0.0, 0.0, phi, 0.0, 0.0, 0.0]), model.output_map(x[:3], c), z, k, c, model, STEP
-        )
+        x = np.array([0.0, 0.0, phi, 0.0, 0.0, 0.0])
+        seen = observer.see(x, model.output_map(x[:3], c), z, k, c, model, STEP)
         z = SimpleNamespace(**observer.update(seen, np.zeros(3), NUMPY))
         assert abs(seen.y_rate[2]) < 3.0
 
@@ -253,3 +255,97 @@ def test_parts_refuse_numbers_without_meaning() -> None:
     ):  # fmt: skip
         with pytest.raises(WmrError, match="choose"):
             build()
+
+
+def test_rates_that_the_samples_cannot_carry_are_told(tmp_path: Path) -> None:
+    """Twice the rule is the most; of observer and loop, with the usual number."""
+    for own, words in (
+        ("observer = { rate = 59.0 }", ()),
+        ("observer = { rate = 61.0 }", ("the rate of the observer is 61 /s, at samples of 0.02 s 30 /s is usual",)),
+        ("rate = 31.0", ("the rate of the loop is 31 /s, at samples of 0.02 s 15 /s is usual",)),
+    ):
+        file = experiment("type_2_0", tmp_path, {"frozen": f"{LAWS['frozen']}\n{own}"}, 1.0)
+        found = [sign for sign in wmr_afl.run(file)["frozen"].warnings if "is usual" in sign]
+        assert tuple(sign.partition(";")[0] for sign in found) == words
+
+
+def test_what_is_observed_is_logged(tmp_path: Path) -> None:
+    """The state as the observer tells it, close to the true one, and d^; in the run, its samples and trajectories."""
+    h5py = pytest.importorskip("h5py")
+    file = experiment("type_2_0", tmp_path, {"composite": LAWS["composite"]}, 10.0)
+    run = wmr_afl.run(file, "casadi")["composite"]
+    assert run.observed is not None
+    assert run.unexpected is not None
+    np.testing.assert_array_equal(run.observed[:, :3], run.state[:, :3])
+    assert np.abs(run.observed[100:, 3:] - run.state[100:, 3:]).max() < 0.02
+    assert run.unexpected.shape == run.error.shape
+    header = columns(run)
+    assert header[-7:] == [
+        "observed_x [m]", "observed_y [m]", "observed_phi [rad]", "observed_v [m/s]", "observed_omega [rad/s]",
+        "unexpected_y1 [m/s^2]", "unexpected_y2 [m/s^2]",
+    ]  # fmt: skip
+    write_results({"pose": run}, tmp_path)
+    table = np.loadtxt(tmp_path / "pose.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(table[:, -7:], np.hstack([run.observed, run.unexpected]))
+    wmr_afl.run_batch(file, scale={"m_C": [1.0]}, trajectories=tmp_path / "runs.h5", backend="casadi")
+    with h5py.File(tmp_path / "runs.h5") as record:
+        np.testing.assert_allclose(record["observed"][0], run.observed, rtol=1e-9, atol=1e-12)
+        assert list(record["unexpected"].attrs["names"]) == ["y1 [m/s^2]", "y2 [m/s^2]"]
+
+
+def late(robot: str, folder: Path, own: str, law: str = "composite", duration: float = 20.0) -> Path:
+    """A track whose drive is two samples late."""
+    return experiment(robot, folder, {law: f"{LAWS[law]}\n{own}"}, duration, "input_delay = { seconds = 0.04 }")
+
+
+def test_a_law_knows_what_a_late_drive_still_has_to_carry_out(tmp_path: Path) -> None:
+    """With the true parameters, and motors without back-EMF, little is unexpected: it goes by what acts now."""
+    for own in ("observer = { cancel = false }", "observer = { cancel = false, predict = true }"):
+        file = late("type_2_0", tmp_path, own, "frozen")
+        text = file.read_text().replace('"rk4"', '"euler"')
+        file.write_text(text.replace("[start]", "[parameters]\nK2 = 1e-6\n[start]"))
+        run = wmr_afl.run(file)["frozen"]
+        assert run.failure is None
+        assert run.unexpected is not None
+        assert np.abs(run.unexpected[500:]).max() < 0.05
+
+
+def test_commands_under_way_are_carried_out_in_their_order() -> None:
+    """The oldest acts; a prediction is the motion that they bring about."""
+    part = CommandsUnderWay(2, 3, STEP, predicts=True)
+    z = SimpleNamespace(**part.states)
+    given = [np.array([1.0, 2.0]), np.array([3.0, 4.0]), np.array([-5.0, 6.0])]
+    for one in given:
+        z = SimpleNamespace(**part.update(one, 10.0 * one, z, NUMPY))
+    np.testing.assert_array_equal(part.acting(z.accelerations), given[0])
+    np.testing.assert_array_equal(part.acting(z.removed), 10.0 * given[0])
+    y, rate, drift = np.array([0.3, 0.1]), np.array([1.0, -1.0]), np.array([0.2, 0.1])
+    seen = Seen(np.array([0.3 - C[0], 0.1, 0.0, 0.0, 0.0]), y, rate, np.zeros(2))
+    ahead = part.ahead(seen, E, drift, z, NUMPY, STEP)
+    for one in given:
+        y, rate = y + STEP * rate + 0.5 * STEP**2 * (E @ one + drift), rate + STEP * (E @ one + drift)
+    np.testing.assert_allclose(ahead.y, y, rtol=1e-14)
+    np.testing.assert_allclose(ahead.y_rate, rate, rtol=1e-14)
+    np.testing.assert_allclose(E @ ahead.x[3:], rate, rtol=1e-12)
+    assert CommandsUnderWay(2, 3, STEP).ahead(seen, E, drift, z, NUMPY, STEP) is seen
+    with pytest.raises(WmrError, match="choose at least one sample"):
+        CommandsUnderWay(2, 0, STEP)
+
+
+@pytest.mark.parametrize("own", ["", "observer = { predict = true }"])
+def test_a_late_drive_gives_the_same_run_on_every_backend(own: str, tmp_path: Path) -> None:
+    file = late("type_2_0", tmp_path, own, duration=4.0)
+    runs = [wmr_afl.run(file, backend=backend)["composite"] for backend in ("numpy", "casadi", "compiled")]
+    for run in runs[1:]:
+        for signal in ("state", "input", "estimate"):
+            expected = getattr(runs[0], signal)
+            assert np.abs(getattr(run, signal) - expected).max() < 1e-9 * max(1.0, np.abs(expected).max()), signal
+    controller = Controller.from_experiment(file)
+    for t, x, u in zip(runs[0].time, runs[0].state, runs[0].command, strict=True):
+        np.testing.assert_allclose(controller.update(t, x), u, rtol=1e-7, atol=1e-7)
+
+
+def test_only_an_observer_sees_what_could_be_cancelled() -> None:
+    for parts in ({"cancelling": Cancelling(2)}, {"under_way": CommandsUnderWay(2, 1, STEP)}):
+        with pytest.raises(WmrError, match="only an observer tells"):
+            Sight(**parts)  # type: ignore[arg-type]

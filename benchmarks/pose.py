@@ -45,7 +45,8 @@ NOISY = {
 }
 DELAYED = {
     "pose": POSE,
-    "pose, loop 15": POSE + "rate = 12.96",
+    "pose, predicted": POSE + "observer = { predict = true }",
+    "pose, predicted, loop 15": POSE + "rate = 12.96\nobserver = { predict = true }",
     "v measured, composite": MEASURED,
     "v measured, composite, rate = 15": MEASURED + "rate = 15.0\nlearning = { noise = 0.5, filter = 0.5, gain = 0.3 }",
 }

@@ -90,7 +90,7 @@ class PassivityLaw(Law):
 
         v_r = E^-1 (yd' - lambda e)        s = v - v_r        a = E^-1 (yd'' - lambda e' - E' v_r) - lambda s
 
-    With an observer v = v^ from the pose, and a less c E^-1 d^: what is not modelled meets the estimated inertia (B1).
+    With an observer v = v^ from the pose, and a less g E^-1 d^: what is not modelled meets the estimated inertia.
     yd is the reference behind a reference model. pi_hat moves by `direct` adaptation, by `least_squares`, by both
     (composite) or not at all, and stays within the box of `projection`. E and R are known: nothing that is estimated is
     inverted.

@@ -119,9 +119,9 @@ def _not_positive(name: str) -> Callable[[SimpleNamespace], tuple[str, str]]:
 
 
 class Cancelling(Part):
-    """What is taken out of the command of what was not expected: c d^, in accelerations of v.
+    """What is taken out of the command of what was not expected: g d^, in accelerations of v.
 
-    c is 0 until `start` [s] and then 1 - exp(-(t - start)/ramp): learn first. Its part that is faster than `band`
+    g is 0 until `start` [s] and then 1 - exp(-(t - start)/ramp): learn first. Its part that is faster than `band`
     [s] is kept out of the data of least squares, which would take it for a property of the robot.
 
     Raises:
@@ -156,7 +156,7 @@ class Cancelling(Part):
             )
 
     def cancelled(self, acceleration: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> Array:
-        """c E^-1 d^, (n-m,), of `acceleration` E^-1 d^."""
+        """g E^-1 d^, (n-m,), of `acceleration` E^-1 d^."""
         since = arrays.maximum(z.elapsed[0] - k.start[0], 0.0)
         return (1.0 - arrays.exp(-since / k.ramp[0])) * acceleration
 

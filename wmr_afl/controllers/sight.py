@@ -29,7 +29,7 @@ class View:
     E: Array | None = None  # output map J_h S at q, (n-m, n-m), if it was needed
     seen: Seen | None = None
     ahead: Seen | None = None
-    cancelled: Array | None = None  # c E^-1 d^ (n-m,) [of v']
+    cancelled: Array | None = None  # g E^-1 d^ (n-m,) [of v']
     fast: Array | None = None  # of it what is kept out of the data
 
     @property

@@ -1,4 +1,4 @@
-"""The pose observer (B2): where its poles are, what it converges to, and laws that see no velocity."""
+"""The pose observer: where its poles are, what it converges to, and laws that see no velocity."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_with_v_measured_only_the_unexpected_is_estimated() -> None:
 
 
 def test_cancelling_learns_first_and_keeps_what_is_fast_out_of_the_data() -> None:
-    """c = 0 until the start, then 1 - exp(-(t - start)/ramp); a step is fast, and slow after some tau_d."""
+    """g = 0 until the start, then 1 - exp(-(t - start)/ramp); a step is fast, and slow after some tau_d."""
     part = Cancelling(2, start=1.0, ramp=0.5, band=2.0)
     z, k, whole = SimpleNamespace(**part.states), own(part), np.array([2.0, -4.0])
     for n in range(400):

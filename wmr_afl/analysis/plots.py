@@ -177,6 +177,8 @@ def overview(runs: Runs, title: str) -> dict[str, Figure]:
         for name, run in runs.items():
             if run.estimate.size and np.ptp(run.estimate, axis=0).any():
                 figures[f"estimates_{name}"] = _estimates(run)
+            if run.observed is not None and len(run.time):
+                figures[f"observed_{name}"] = _observed(run)
         for figure in figures.values():
             figure.suptitle(verbatim(title), fontsize=10)
     return figures
@@ -201,6 +203,29 @@ def _estimates(run: Run) -> Figure:
         axes.set_xlabel("time [s]")
         axes.tick_params(labelbottom=True)
     figure.supxlabel("band: one standard deviation to each side; dotted: the robot at the start", fontsize=8)
+    return figure
+
+
+def _observed(run: Run) -> Figure:
+    """Each velocity as it is and as the observer tells it, and what was not expected of each output."""
+    n, model = run.model.coordinate_count, run.model
+    velocities = list(model.state_units.items())[n:]
+    figure = new_figure(7.0, 0.9 + 1.3 * (len(velocities) + len(model.output_units)))
+    panels = figure.subplots(len(velocities) + len(model.output_units), 1, sharex=True, squeeze=False)[:, 0]
+    for index, (axes, (name, unit)) in enumerate(zip(panels, velocities, strict=False)):
+        if run.observed is not None:
+            axes.plot(run.time, run.observed[:, n + index], label="observed", **style_of(1))
+        axes.plot(run.time, run.state[:, n + index], label="of the robot", **style_of(0))
+        axes.set(ylabel=f"{name} [{unit}]")
+    for index, (axes, (name, unit)) in enumerate(
+        zip(panels[len(velocities) :], model.output_units.items(), strict=True)
+    ):
+        if run.unexpected is not None:
+            axes.plot(run.time, run.unexpected[:, index], color=COLOURS[2])
+        axes.set(ylabel=f"unexpected of\n{name} [{unit}/s^2]")
+    panels[-1].set(xlabel="time [s]")
+    panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    figure.align_ylabels(panels)
     return figure
 
 

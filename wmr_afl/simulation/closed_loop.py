@@ -52,7 +52,7 @@ class ClosedLoop:
     def signals(self) -> dict[str, int]:
         """What is logged at every sample, with sizes."""
         outputs, inputs = len(self.model.output_units), len(self.model.input_units)
-        deviation = {"deviation": len(self.law.knowledge.units)} if self.law.knows_deviation else {}
+        known = {"deviation": len(self.law.knowledge.units), "unexplained": 1} if self.law.knows_deviation else {}
         return {
             "x": len(self.model.state_units),
             "u": inputs,
@@ -61,7 +61,7 @@ class ClosedLoop:
             "theta_hat": len(self.law.knowledge.units),
             "reference": outputs,
             "regularity": 1,
-            **deviation,
+            **known,
         }
 
     @functools.cached_property
@@ -111,6 +111,7 @@ class ClosedLoop:
         }
         if self.law.knows_deviation:
             signals["deviation"] = self.law.deviation(z, model.arrays)
+            signals["unexplained"] = self.law.unexplained(z, k, model.arrays, self.sample_time)
         following = {
             **self.plant.update(t, action.input, z, k, model, self.sample_time),
             **self.law.update(seen, action, applied, z, k, model, self.sample_time),

@@ -76,8 +76,10 @@ def estimate_error(run: Run, theta: Floats) -> Floats:
 
 def undetermined(run: Run) -> tuple[str, ...]:
     """The parameters that the run does not determine by themselves: by deviations, or where there are none by (47)."""
-    if run.deviation is not None or len(run.time) < 3:
+    if run.undetermined is not None:
         return run.undetermined
+    if len(run.time) < 3:
+        return ()
     scale = getattr(run.model.in_library("numpy"), run.estimated)(run.parameters)
     found = excitation(run, scale, float(run.time[-1] - run.time[0]))
     return tuple(name for name in found.names if name not in found.excited)
@@ -92,14 +94,22 @@ def left_open(model: Model, estimated: str, names: Sequence[str]) -> tuple[str, 
 
 
 def sentence(run: Run) -> str:
-    """What the run's reference does not determine, in one sentence; empty if it determines all."""
+    """What the run's reference does not determine, in one sentence; empty if there is nothing to be said.
+
+    Only a law that knows deviations can say that nothing was learned; of others (47) tells what the motion leaves out.
+    """
     names = undetermined(run)
     if not names:
         return ""
     formulas = run.model.formulas_of(run.estimated)
-    told, open_ones = (f"{name} = {formulas[name]}" for name in names), left_open(run.model, run.estimated, names)
+    told, open_ones = (
+        listed([f"{name} = {formulas[name]}" for name in names]),
+        left_open(run.model, run.estimated, names),
+    )
+    if run.deviation is None:
+        return f"{told}: not excited by this reference"
     unknown = f"; of {listed(open_ones)} nothing is learned" if open_ones else ""
-    return f"{listed(tuple(told))}: undetermined by this reference, the guess stands{unknown}"
+    return f"{told}: undetermined by this reference, the guess stands{unknown}"
 
 
 def listed(words: Sequence[str]) -> str:

@@ -23,7 +23,8 @@ def metrics(run: Run) -> dict[str, Any]:
         found["estimate"] = _by_name(run, run.estimate[-1])
         if run.deviation is not None:
             found["deviation"] = _by_name(run, run.deviation[-1])
-            found["undetermined"] = list(run.undetermined)
+            found["unexplained"] = None if run.unexplained is None else float(f"{run.unexplained[-1]:.9g}")
+        found["undetermined"] = None if run.undetermined is None else list(run.undetermined)
         found["conditions"] = [
             {"statement": one.statement, "largest": float(f"{one.largest:.9g}"), "at": one.time, "bound": one.bound,
              "broken_share": one.share}

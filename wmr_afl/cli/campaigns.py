@@ -15,6 +15,7 @@ from rich.table import Table
 from wmr_afl.analysis import plots
 from wmr_afl.cli.progress import print_metrics
 from wmr_afl.cli.terminal import Experiment, Out, app, console, progress_bar, reporting, say
+from wmr_afl.errors import WmrError
 from wmr_afl.experiments.campaigns.result import LEVELS, CampaignResult
 
 SHOWN = 5  # worst runs that are printed; summary.json lists ten
@@ -53,6 +54,8 @@ def campaign(
         names, place = loaded.drawn(controller), out / loaded.path.stem
         folders = {name: campaign_folder(place, name) for name in names}
         check_writable(folders[names[0]])
+        if replay is not None and len(names) > 1:
+            raise WmrError(f"a replay is of one controller, not of {', '.join(names)}", "name one with --controller")
         if replay is not None:
             _replay(experiment, replay, names[0], backend, folders[names[0]] / f"run_{replay}")
             return
@@ -91,6 +94,9 @@ def comparison(results: Mapping[str, CampaignResult]) -> Iterator[RenderableType
         rates = (_percent(one[what], one[f"{what}_95"]) for what in ("failed", "success"))
         table.add_row(escape(name), *rates, *errors)
     yield table
+    for name, result in results.items():
+        for cause, count in list(result.causes().items())[:CAUSES]:
+            yield escape(f"{name} failed {count}: {cause}")
 
 
 def _drawn(value: float) -> str:

@@ -16,16 +16,23 @@ from wmr_afl.simulation.result import Run
 
 
 def check_experiment(experiment: str) -> bool:
-    """Run an experiment and print, for every controller, what makes its run worth trust; whether all of it holds.
+    """Run an experiment and print, for every controller, what makes its run worth trust; whether nothing is doubtful.
 
     Raises:
         WmrError: if there is no such experiment, or it has a mistake.
     """
     runs = run_with_progress(experiment, "auto", None)
-    for run in runs.values():
+    doubts = {}
+    for name, run in runs.items():
         for part in _told(run):
             console.print(part, highlight=False)
-    return all(run.failure is None and all(one.holds for one in run.conditions) for run in runs.values())
+        whys = ("it failed" if run.failure else "", "it carries a warning" if run.warnings else "")
+        broken = "" if all(one.holds for one in run.conditions) else "a condition is broken"
+        doubts[name] = [why for why in (*whys, broken) if why]
+    for name, why in doubts.items():
+        if why:
+            console.print(f"[bold]{escape(name)}[/bold] is doubtful: {' and '.join(why)}", highlight=False)
+    return not any(doubts.values())
 
 
 def _told(run: Run) -> Iterator[RenderableType]:
@@ -38,7 +45,8 @@ def _told(run: Run) -> Iterator[RenderableType]:
         yield _conditions(run)
     if adapts:
         yield _estimates(run)
-        yield escape(sentence(run) or "the reference excites every parameter")
+        if sentence(run):
+            yield escape(sentence(run))
     for warning in run.warnings:
         yield escape(f"warning: {warning}")
     yield ""
@@ -54,14 +62,14 @@ def _conditions(run: Run) -> Table:
 
 def _estimates(run: Run) -> Table:
     """First guess, last estimate, and the robot's own value at the start."""
-    headers = ("estimate", "unit", "first", "last", "deviation", "true", "")
+    headers = ("estimate", "unit", "first", "last", "deviation", "robot at start", "")
     table = Table(*headers, box=None, header_style="bold")
     truth = getattr(run.model.in_library("numpy"), run.estimated)(run.parameters)
-    open_ones = undetermined(run)
+    open_ones, said = undetermined(run), "not excited" if run.deviation is None else "undetermined"
     for index, (name, unit) in enumerate(run.estimate_units.items()):
         deviation = "" if run.deviation is None else f"{run.deviation[-1, index]:.2g}"
         table.add_row(
             name, unit, f"{run.estimate[0, index]:.4g}", f"{run.estimate[-1, index]:.4g}", deviation,
-            f"{truth[index]:.4g}", "undetermined" if name in open_ones else "",
+            f"{truth[index]:.4g}", said if name in open_ones else "",
         )  # fmt: skip
     return table

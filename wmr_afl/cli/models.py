@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from wmr_afl.cli.terminal import app, console, reporting
+from wmr_afl.errors import UnknownNameError
 from wmr_afl.experiments.experiment import list_experiments
 from wmr_afl.model.files import list_models
 from wmr_afl.model.model import load_model
@@ -96,7 +97,11 @@ def check(
             if not check_experiment(subject):
                 raise typer.Exit(1)
             return
-        situation = Situation(subject)
+        try:
+            situation = Situation(subject)
+        except UnknownNameError as error:
+            known = [*list_models(), *list_experiments()]
+            raise UnknownNameError("model or experiment", subject, known) from error
         deviations = {law: law.deviation(situation) for law in LAWS if law.applies(situation.numpy)}
     table = Table("law", "what must hold", "deviation", "at most", "verdict", box=None, header_style="bold")
     obeyed = True

@@ -87,6 +87,10 @@ class Law(Fixed):
         """The standard deviation of each estimate as the law knows it, (n_theta,)."""
         raise NotImplementedError
 
+    def unexplained(self, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays, step: Array) -> Array:
+        """What a law that knows deviations could not explain by any estimate, (1,)."""
+        raise NotImplementedError
+
     def update(
         self,
         x: Array,

@@ -14,6 +14,8 @@ from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault, Part
 from wmr_afl.numerics.vectors import told
 
+RECENT = 10.0  # [s], over which the misfit is averaged
+
 
 class LeastSquares(Part):
     """pi_hat is what makes this least, without acceleration and without inverting anything:
@@ -27,7 +29,8 @@ class LeastSquares(Part):
         P += dt/T (P - P P0^-1 P)        pi_hat -= dt/T P P0^-1 (pi_hat - pi_0)
         pi_hat += P f (ubar - f pi_hat) / (r^2/dt + f P f)        P -= P f f^T P / (r^2/dt + f P f)
 
-    `noise` r [V s^1/2]: what the equation leaves unexplained; `filter` tau [s]; `memory` T [s].
+    `noise` r [V s^1/2]: what the equation leaves unexplained; `filter` tau [s]; `memory` T [s]. `unexplained` tells
+    what it really leaves: where that is more than r, deviations promise too much.
 
     Raises:
         WmrError: if a number is not positive.
@@ -69,6 +72,7 @@ class LeastSquares(Part):
             "input_before": np.zeros(self.inputs),
             "regressor": np.zeros(entries),  # Phi
             "effort": np.zeros(rows),  # ubar
+            "misfit": np.zeros(1),  # mean of (ubar - f pi_hat)^2 over the rows and the last seconds [V^2]
             "is_running": np.zeros(1),
         }
 
@@ -103,11 +107,14 @@ class LeastSquares(Part):
         effort = runs * (keep * z.effort + (1.0 - keep) * raw_effort)
         learned: list[Array] = []
         covariance: list[Rows] = []
+        misfit = 0.0
         blocks = zip(self.groups.blocks_of(z.covariance), self.groups.rows_of(regressor), strict=True)
         for (group, P), (_, rows) in blocks:
             pi, pi_0, P0 = ([of[i] for i in group.parameters] for of in (pi_hat, k.prior, k.spread * k.spread))
             pi, P = _faded(pi, P, pi_0, P0, step / k.memory[0])
             for row, f in zip(group.rows, rows, strict=True):
+                miss = effort[row] - inner(f, pi)
+                misfit = misfit + miss * miss / self.groups.rows
                 pi, P = _corrected(pi, P, f, effort[row], k.noise[0] * k.noise[0] / step)
             learned += pi
             covariance.append(P)
@@ -116,9 +123,15 @@ class LeastSquares(Part):
             "before": 0.5 * rest - momentum / step,
             "regressor": regressor,
             "effort": effort,
+            "misfit": z.misfit + (1.0 - arrays.exp(-step / RECENT)) * (misfit - z.misfit),
             "is_running": arrays.vector([1.0]),
         }
         return self.groups.in_order(learned, arrays), following
+
+    def unexplained(self, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays, step: Array) -> Array:
+        """What the equation of motion left unexplained in the last seconds, in the unit of r [V s^1/2], (1,)."""
+        keep = arrays.exp(-step / k.filter[0])  # the filter takes noise down by this much
+        return arrays.sqrt(step * z.misfit * (1.0 + keep) / (1.0 - keep))
 
     def deviation(self, z: SimpleNamespace, arrays: Arrays) -> Array:
         """The square root of P's diagonal, (n_pi,): as certain as the equation of motion is, not as the robot is."""

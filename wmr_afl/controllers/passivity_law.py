@@ -190,6 +190,11 @@ class PassivityLaw(Law):
             raise MissingTermError("a law without least squares knows no deviation", "add least_squares")
         return self.least_squares.deviation(z.least_squares, arrays)
 
+    def unexplained(self, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays, step: Array) -> Array:
+        if self.least_squares is None:
+            raise MissingTermError("a law without least squares explains nothing", "add least_squares")
+        return self.least_squares.unexplained(z.least_squares, k.least_squares, arrays, step)
+
     def update(
         self,
         x: Array,

@@ -41,10 +41,14 @@ class Loaded:
         Raises:
             InputError: if the file names one that is not there, or one twice.
             UnknownNameError: if there is no such controller.
+            WmrError: if none is given.
         """
         if controllers is not None:
             given = [controllers] if isinstance(controllers, str) else controllers
-            return list(dict.fromkeys(self.name(name) for name in given)) or [self.name()]
+            names = list(dict.fromkeys(str(self.name(name)) for name in given))
+            if not names:
+                raise WmrError("no controller is named", f"name one or more of {', '.join(self.loops)}")
+            return names
         table = self.experiment.campaign
         named = None if table is None else table.controller
         with mistakes_at(self.path, "[campaign] controller"):

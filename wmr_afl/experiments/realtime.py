@@ -37,7 +37,7 @@ STALE = 1.5  # sample times; after a longer step nothing is learned by comparing
 LONGEST_STEP = 2.0  # sample times; the law's states move by no more at once
 LONGEST_GAP = 10.0  # sample times; after a longer gap nothing is learned from the sample before
 MEASURED = "fiuO"  # NumPy's types of what is measured: no truth values, no text
-UNSOUND = "measure again; if it is Dhat, bound the estimates, else keep away from there"
+UNSOUND = "measure again; where Dhat is inverted bound the estimates, else keep away from there"
 LATEST = 1e11  # [s], some 3000 years: beyond, the clock counts something else than seconds
 
 

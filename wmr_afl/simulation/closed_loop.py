@@ -53,7 +53,7 @@ class ClosedLoop:
     def signals(self) -> dict[str, int]:
         """What is logged at every sample, with sizes."""
         outputs, inputs = len(self.model.output_units), len(self.model.input_units)
-        optional = {"deviation": len(self.law.knowledge.units)} if self.law.knows_deviation else {}
+        optional = {"deviation": len(self.law.knowledge.units), "unexplained": 1} if self.law.knows_deviation else {}
         if self.law.observes:
             optional |= {"observed": len(self.model.state_units), "unexpected": outputs}
         return {
@@ -115,6 +115,7 @@ class ClosedLoop:
         }
         if self.law.knows_deviation:
             signals["deviation"] = self.law.deviation(z, model.arrays)
+            signals["unexplained"] = self.law.unexplained(z, k, model.arrays, self.sample_time)
         if self.law.observes:
             view: View = action.memory["view"]
             signals |= {"observed": view.now, "unexpected": view.unexpected}

@@ -45,6 +45,7 @@ class Run:
     warnings: tuple[str, ...] = ()  # what makes the run doubtful, with remedies
     estimated: str = "base_parameters"  # the generated function of p whose values are estimated
     deviation: Floats | None = None  # (T, n_theta), standard deviation of each estimate, if the law knows it
+    unexplained: Floats | None = None  # (T,) [V s^1/2], what the equation of motion left in the last seconds, if known
     observed: Floats | None = None  # (T, 2n-m), the state as an observer tells it from the pose, if there is one
     unexpected: Floats | None = None  # (T, n-m), d^ of the observer: y'' that the law did not expect
     conditions: tuple[Condition, ...] = ()  # of proofs in discrete time, tried along the run
@@ -59,9 +60,11 @@ class Run:
         return self.model.units_of(self.estimated)
 
     @property
-    def undetermined(self) -> tuple[str, ...]:
-        """The parameters of which the run has told little by themselves; without deviations none is named."""
-        if self.deviation is None or not len(self.deviation):
+    def undetermined(self) -> tuple[str, ...] | None:
+        """The parameters of which the run has told little by themselves; None where the law knows no deviation."""
+        if self.deviation is None:
+            return None
+        if not len(self.deviation):
             return ()
         left = self.deviation[-1] / self.deviation[0]
         return tuple(name for name, share in zip(self.estimate_units, left, strict=True) if share > UNDETERMINED)

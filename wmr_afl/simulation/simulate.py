@@ -82,6 +82,7 @@ def simulate(
         error=logged["e"],
         estimate=logged["theta_hat"],
         deviation=logged.get("deviation"),
+        unexplained=logged["unexplained"][:, 0] if "unexplained" in logged else None,
         observed=logged.get("observed"),
         unexpected=logged.get("unexpected"),
         reference=logged["reference"],

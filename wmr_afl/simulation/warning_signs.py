@@ -83,7 +83,14 @@ def _estimates(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping
     worst = int(np.argmax(sizes / np.maximum(usual, np.abs(truth).max() * 1e-3)))
     if sizes[worst] > GROWN * max(usual[worst], np.abs(truth).max() * 1e-3):
         remedy = "bound the estimates, add leakage or lower the adaptation gain"
+        if loop.law.knowledge.estimated == "passivity_parameters":
+            remedy = "guess closer, lower learning.box or raise learning.noise"
         yield f"the estimate of {names[worst]} grew from {estimate[0, worst]:.3g} to {sizes[worst]:.3g}; {remedy}"
+    if "unexplained" in signals:
+        left, noise = float(signals["unexplained"][-1, 0]), float(numbers["least_squares.noise"][0])
+        if left > noise:
+            remedy = f"deviations promise too much; choose learning.noise = {left:.2g}"
+            yield f"the equation of motion leaves {left:.2g} V s^1/2 unexplained, {noise:g} was expected: {remedy}"
     late = estimate[int((1.0 - LATE) * len(estimate)) :]
     for index, name in enumerate(names):
         share = float(np.mean((late[:, index] <= low[index]) | (late[:, index] >= high[index])))

@@ -237,7 +237,7 @@ def test_what_deviations_leave_open_is_undetermined() -> None:
     """By the deviation that is left of the first one; without deviations by the share that (47) determines."""
     run = run_with(np.zeros((3, 1, 2)), 1.0, ("a", "b"), deviation=np.array([[2.0, 4.0], [1.5, 3.0], [1.02, 1.98]]))
     assert run.undetermined == undetermined(run) == ("a",)
-    assert run_with(np.zeros((3, 1, 2)), 1.0, ("a", "b")).undetermined == ()
+    assert run_with(np.zeros((3, 1, 2)), 1.0, ("a", "b")).undetermined is None
     t = np.linspace(0.0, 20.0, 2001)
     regressor = np.stack([np.sin(t), np.sin(t), np.cos(2.0 * t)], axis=-1)[:, None, :]
     assert undetermined(run_with(regressor, t[1], ("a", "b", "c"))) == ("a", "b")
@@ -258,6 +258,11 @@ def test_parameters_that_act_in_undetermined_ones_only_are_left_open() -> None:
     told = "pi2 = I*r/K + c and pi3 = m*d**2/K: undetermined by this reference, the guess stands"
     assert sentence(run) == f"{told}; of I and d nothing is learned"
     assert sentence(replace(run, deviation=np.array([[1.0, 1, 1], [0.1, 0.1, 0.1]]))) == ""
+    t = np.linspace(0.0, 20.0, 2001)
+    regressor = np.stack([np.sin(t), np.cos(t), 0.0 * t], axis=-1)[:, None, :]
+    still = run_with(regressor, t[1], ("pi1", "pi2", "pi3"))
+    vars(still.model).update(vars(model))
+    assert sentence(still) == "pi3 = m*d**2/K: not excited by this reference"
     assert listed(("a",)) == "a"
     assert listed(("a", "b", "c")) == "a, b and c"
 
@@ -302,5 +307,6 @@ def test_metrics_of_a_run_that_failed_are_those_that_it_has() -> None:
     assert found == {
         "samples": 3, "failure": "stopped at t = 3 s: diverged", "largest_input": [4.0, 4.0], "largest_estimate": 0.0,
         "estimate": dict.fromkeys(load_model("type_2_0").base_parameter_units, 0.0), "conditions": [],
+        "undetermined": None,
     }  # fmt: skip
     assert metrics(hand_made(0, Failure(0.0, "at once"))) == {"samples": 0, "failure": "stopped at t = 0 s: at once"}

@@ -182,6 +182,7 @@ def test_an_experiment_is_checked_controller_by_controller(tmp_path: Path) -> No
     assert " ".join(sentence(run).split()) in " ".join(told.split())
     assert done.output.count("nothing adapts") == 2
     assert "BROKEN" in done.output.partition("AFL")[2]
+    assert done.output.splitlines()[-1] == "AFL is doubtful: a condition is broken"
     assert done.exit_code == 1
     (tmp_path / "mine.toml").write_text(
         'title = "one"\nrobot = "type_2_0"\nsimulation = { duration = 1.0, sample_time = 0.02 }\n'
@@ -190,6 +191,10 @@ def test_an_experiment_is_checked_controller_by_controller(tmp_path: Path) -> No
     )
     assert call("check", tmp_path / "mine.toml").exit_code == 0
     assert call("check", tmp_path / "none.toml").exit_code == 2
+    unknown = call("check", "study_9")
+    assert unknown.exit_code == 2
+    assert "unknown model or experiment 'study_9'" in unknown.output
+    assert "study_1" in unknown.output
 
 
 def test_a_simulation_prints_its_metrics_and_writes_its_files(short: Path, tmp_path: Path) -> None:
@@ -237,7 +242,7 @@ def test_a_run_that_failed_ends_with_status_one(tmp_path: Path) -> None:
     [
         (["show", "type_9"], "unknown model"),
         (["show", "study_1", "--loop", "--controller", "PID"], "unknown controller 'PID'"),
-        (["check", "type_9"], "unknown model"),
+        (["check", "type_9"], "unknown model or experiment"),
         (["simulate", "study_9"], "unknown experiment"),
         (["simulate", "study_1", "--backend", "abacus"], "unknown backend"),
         (["simulate", "study_1", "--controller", "PID"], "unknown controller 'PID'"),

@@ -202,6 +202,25 @@ def test_least_squares_is_the_minimum_that_it_stands_for(model: Model) -> None:
     np.testing.assert_allclose(part.deviation(z, NUMPY), deviation, rtol=1e-6)
 
 
+def test_what_the_equation_leaves_unexplained_is_told_in_the_unit_of_its_noise() -> None:
+    """White noise of this size on R u, and estimates that are right: what is left is the noise, whatever the filter."""
+    model, random, step = load_model("type_2_0"), np.random.default_rng(8), 0.01
+    pi, c = np.asarray(model.passivity_parameters(model.parameters())), model.known(model.parameters())
+    for filter_time, noise in ((0.02, 0.3), (0.2, 0.3), (0.1, 2.0)):
+        part = LeastSquares(groups_of(model), 2, pi, 1e-9 * pi, noise=noise, filter=filter_time)
+        z, k, x = SimpleNamespace(**part.states), own(part), np.array([0.0, 0.0, 0.2, 0.5, 0.3])
+        R = model.allocation(x[:3], c)
+        steady = np.linalg.solve(R, model.rest_regressor(x, c) @ pi)
+        told = []
+        for n in range(20_000):
+            _, following = part.learn(x, pi, z, k, c, model, step)
+            pushed = np.linalg.solve(R, noise / np.sqrt(step) * random.normal(size=2))
+            z = SimpleNamespace(**following, **part.applied(steady + pushed, R))
+            if n > 5000:
+                told.append(float(part.unexplained(z, k, NUMPY, step)[0]))
+        assert np.mean(told) == pytest.approx(noise, rel=0.1)
+
+
 def test_without_data_estimates_go_back_to_the_guess() -> None:
     model = load_model("type_2_0")
     part = LeastSquares(groups_of(model), 2, np.ones(6), np.full(6, 0.5), memory=2.0)

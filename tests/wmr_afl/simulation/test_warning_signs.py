@@ -10,6 +10,7 @@ from wmr_afl.controllers import (
     DirectAdaptation,
     GradientAdaptation,
     Knowledge,
+    LeastSquares,
     OuterLoop,
     PassivityLaw,
     Projection,
@@ -128,7 +129,7 @@ def test_a_joint_that_is_at_one_of_its_stops_is_named(side: float) -> None:
         joint_stops=lambda q, p: np.stack([p[0] - q[:, 1], p[0] + q[:, 1]], axis=-1),
         coordinate_count=3,
     )
-    one = SimpleNamespace(model=SimpleNamespace(in_library=lambda _: model), law=SimpleNamespace(adapts=False))
+    one = SimpleNamespace(model=SimpleNamespace(in_library=lambda _: model), law=SimpleNamespace(adapts=False, observes=False))
     x = np.zeros((1000, 5))
     for left, share, expected in ((0.9e-3, 7, "0.7%"), (-1e-3, 500, "50.0%"), (1.1e-3, 500, None)):
         x[:share, 1] = side * (0.4 - left)
@@ -151,6 +152,24 @@ def test_an_estimate_at_its_bound_at_the_end_is_named(factor: float) -> None:
             assert found == [
                 f"the estimate of {NAMES[4]} lies at its bound in {share:.0%} of the last samples; widen its bounds"
             ]
+
+
+@pytest.mark.parametrize(("left", "doubtful"), [(0.049, False), (0.051, True)])
+def test_what_least_squares_cannot_explain_is_told_with_the_noise_that_would(left: float, doubtful: bool) -> None:
+    """At the end of the run, against the noise that was expected."""
+    pi = np.asarray(MODEL.passivity_parameters(P))
+    part = LeastSquares(groups_of(MODEL), 2, pi, np.abs(pi), noise=0.05)
+    law = PassivityLaw(Knowledge(MODEL, MODEL.known(P), pi, "passivity_parameters"), 10.0, 1.0, least_squares=part)
+    one = ClosedLoop(MODEL, Plant(MODEL, P, np.zeros(5)), law, Reference({"y1": "t", "y2": "0"}), 0.02)
+    unexplained = np.concatenate([np.full((699, 1), 9.0), [[left]]])
+    found = signs(one, theta_hat=np.tile(pi, (700, 1)), unexplained=unexplained)
+    assert bool(found) == doubtful
+    if doubtful:
+        assert found[0].startswith("the equation of motion leaves 0.051 V s^1/2 unexplained, 0.05 was expected")
+        assert found[0].endswith("choose learning.noise = 0.051")
+    wild = np.tile(pi, (700, 1))
+    wild[5, 0] = 2.0 * GROWN * pi[0]
+    assert "raise learning.noise" in signs(one, theta_hat=wild)[0]
 
 
 @pytest.mark.parametrize("dense", [True, False])

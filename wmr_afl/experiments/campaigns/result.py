@@ -133,7 +133,8 @@ class CampaignResult:
         errors = self.runs.rms.max(axis=1)
         median, most = np.quantile(errors, [0.5, 0.99], method="higher")
         return {
-            "runs": len(self), "success": success, "success_95": success_bounds, "failed": failure,
+            "runs": len(self), "impossible": self.impossible, "causes": self.causes(),
+            "success": success, "success_95": success_bounds, "failed": failure,
             "failed_95": failure_bounds, "rms_median": _finite(median), "rms_99": _finite(most),
             "rms_worst": _finite(errors.max()),
         }  # fmt: skip

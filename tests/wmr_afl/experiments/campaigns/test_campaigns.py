@@ -374,6 +374,8 @@ def test_several_controllers_meet_the_same_draws(short: Path, tmp_path: Path) ->
     assert list(wmr_afl.compare(path, 2, controllers="slower")) == ["slower"]
     assert list(wmr_afl.compare(path, 2, controllers=["slower", "AFL", "slower"])) == ["slower", "AFL"]
     assert list(wmr_afl.compare(short, 2)) == ["AFL"]
+    with pytest.raises(WmrError, match="no controller is named; name one or more of AFL"):
+        wmr_afl.compare(path, 2, controllers=[])
     assert wmr_afl.campaign(path, 2).controller == "AFL"
     with pytest.raises(WmrError, match="unknown controller 'PID'"):
         wmr_afl.compare(path, 2, tmp_path / "other", ["AFL", "PID"])
@@ -404,6 +406,10 @@ def test_the_command_compares_controllers(short: Path, tmp_path: Path) -> None:
     process = start(path, "--runs", 30, cwd=tmp_path)
     output, errors = process.communicate(timeout=60)
     assert process.returncode == 0, errors
+    several = start(path, "--replay", 1, cwd=tmp_path)
+    _, errors = several.communicate(timeout=60)
+    assert several.returncode == 2
+    assert errors == "error: a replay is of one controller, not of AFL, slower; name one with --controller\n"
     folder = tmp_path / "results" / "two"
     found = json.loads((folder / "comparison" / "comparison.json").read_text())
     assert list(found) == ["AFL", "slower"]

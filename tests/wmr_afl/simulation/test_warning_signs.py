@@ -129,7 +129,9 @@ def test_a_joint_that_is_at_one_of_its_stops_is_named(side: float) -> None:
         joint_stops=lambda q, p: np.stack([p[0] - q[:, 1], p[0] + q[:, 1]], axis=-1),
         coordinate_count=3,
     )
-    one = SimpleNamespace(model=SimpleNamespace(in_library=lambda _: model), law=SimpleNamespace(adapts=False, observes=False))
+    one = SimpleNamespace(
+        model=SimpleNamespace(in_library=lambda _: model), law=SimpleNamespace(adapts=False, observes=False)
+    )
     x = np.zeros((1000, 5))
     for left, share, expected in ((0.9e-3, 7, "0.7%"), (-1e-3, 500, "50.0%"), (1.1e-3, 500, None)):
         x[:share, 1] = side * (0.4 - left)

@@ -1,0 +1,24 @@
+"""The figure of what an observer sees."""
+
+import numpy as np
+
+from tests.wmr_afl.analysis.test_samples import MODEL, TIME, run
+from wmr_afl.analysis import plots
+
+
+def test_velocities_and_what_was_not_expected_are_drawn() -> None:
+    """A panel for each velocity, true and observed, and one for each output's d^, with units."""
+    random = np.random.default_rng(4)
+    one = run(observed=random.normal(size=(len(TIME), 5)), unexpected=random.normal(size=(len(TIME), 2)))
+    panels = plots.overview({"a": one}, "title")["observed_a"].axes
+    assert [axes.get_ylabel() for axes in panels] == [
+        "v [m/s]", "omega [rad/s]", "unexpected of\ny1 [m/s^2]", "unexpected of\ny2 [m/s^2]"
+    ]  # fmt: skip
+    n = MODEL.coordinate_count
+    for index, axes in enumerate(panels[:2]):
+        observed, true = axes.get_lines()
+        np.testing.assert_array_equal(observed.get_ydata(), one.observed[:, n + index])
+        np.testing.assert_array_equal(true.get_ydata(), one.state[:, n + index])
+    for index, axes in enumerate(panels[2:]):
+        np.testing.assert_array_equal(axes.get_lines()[0].get_ydata(), one.unexpected[:, index])
+    assert "observed_a" not in plots.overview({"a": run()}, "title")

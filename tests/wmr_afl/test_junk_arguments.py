@@ -72,6 +72,7 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
         lambda w: {"experiment": w.experiment, "backend": "casadi", "scale": {"m_C": [1.0, 1.1]}},
     ),
     "campaign": (wmr_afl.campaign, lambda w: {"experiment": w.experiment, "backend": "casadi", "runs": 3}),
+    "compare": (wmr_afl.compare, lambda w: {"experiment": w.experiment, "backend": "casadi", "runs": 2}),
     "replay": (wmr_afl.replay, lambda w: {"experiment": w.experiment, "backend": "casadi", "index": 3}),
     "Run.rms": (Run.rms, lambda w: {"self": w.run}),
     "Run.largest_error": (Run.largest_error, lambda w: {"self": w.run}),

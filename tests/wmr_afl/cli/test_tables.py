@@ -59,7 +59,8 @@ def test_a_table_of_metrics_has_a_line_for_each_run(capsys: pytest.CaptureFixtur
     assert lines[0] == ["a [title]"]
     table = {line[0]: line[1:] for line in lines if line}
     rms = ", ".join(f"{value:.3g}" for value in run().rms())
-    assert table["AFL"] == [rms, "0.3, 0.4 (since 50 s)", "7.25 V"]
+    assert table["AFL"] == [rms, "0.3, 0.4", "7.25 V"]
+    assert "RMS error since 50 s" in table["controller"]
     assert table["[PID]"] == ["-", "-", "7.25 V", "stopped at t = 1.5 s: diverged [in red]"]
     assert table["none"][-1] == "stopped at t = 0 s: at once"
 

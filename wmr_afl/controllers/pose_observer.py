@@ -34,9 +34,10 @@ class Seen:
     """What an observer makes of a sample: the state, y and y' there, and what y'' has that was not expected."""
 
     x: Array  # q as measured and v, (2n-m,)
-    y: Array  # (n-m,)
+    y: Array  # y that the law goes by, (n-m,)
     y_rate: Array
     unexpected: Array  # d^ [output units/s^2]
+    own: tuple[Array, Array]  # y^ and y'^ of the observer: what the law goes by unless v is measured, too
 
     def error(self, reference: Point, model: Model) -> TrackingError:
         """y^ - yr and its rate."""
@@ -53,7 +54,7 @@ class PoseObserver(Part):
         y^ += (1 - B^3) i            y'^ += 1.5 (1 - B)^2 (1 + B) i/T            d^ += (1 - B)^3 i/T^2
 
     y'' is what the law expects of the voltages that reach the motors, d^ included, so that nothing winds up at a limit.
-    At the first sample y^ = y, y'^ = d^ = 0. With `measures_v` the state's own v is taken, and d^ alone is estimated.
+    At the first sample y^ = y, y'^ = d^ = 0. With `measures_v` the law goes by y and v as measured, and by d^.
     `rate` [1/s].
 
     Raises:
@@ -95,19 +96,21 @@ class PoseObserver(Part):
         expected_rate = runs * (z.y_rate + step * z.acceleration)
         innovation = shorter_way(y - expected, model)  # a measured angle may jump by a turn
         B = arrays.exp(-k.rate[0] * passed)
-        y_seen = expected + (1.0 - B * B * B) * innovation
-        rate_seen = expected_rate + 1.5 * (1.0 - B) * (1.0 - B) * (1.0 + B) / passed * innovation
+        own = (
+            expected + (1.0 - B * B * B) * innovation,
+            expected_rate + 1.5 * (1.0 - B) * (1.0 - B) * (1.0 + B) / passed * innovation,
+        )
         unexpected = runs * z.unexpected + (1.0 - B) * (1.0 - B) * (1.0 - B) / (passed * passed) * innovation
         if self.measures_v:
-            rate_seen = E @ x[n:]
-            return Seen(x, y, rate_seen, unexpected)
-        return Seen(arrays.join([q, solve(E, rate_seen, arrays)]), y_seen, rate_seen, unexpected)
+            started = (own[0], runs * own[1] + (1.0 - runs) * (E @ x[n:]))
+            return Seen(x, y, E @ x[n:], unexpected, started)
+        return Seen(arrays.join([q, solve(E, own[1], arrays)]), *own, unexpected, own)
 
     def update(self, seen: Seen, acceleration: Array, arrays: Arrays) -> dict[str, Array]:
         """The states one sample later; `acceleration` y'' as the law expects it, d^ included."""
         return {
-            "y": seen.y,
-            "y_rate": seen.y_rate,
+            "y": seen.own[0],
+            "y_rate": seen.own[1],
             "acceleration": acceleration,
             "unexpected": seen.unexpected,
             "is_running": arrays.vector([1.0]),

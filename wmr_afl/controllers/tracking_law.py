@@ -14,7 +14,7 @@ from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
-from wmr_afl.controllers.sight import Sight
+from wmr_afl.controllers.sight import Sight, View
 from wmr_afl.errors import MissingTermError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
@@ -125,7 +125,7 @@ class TrackingLaw(Law):
         step: Array,
     ) -> dict[str, Array]:
         """(25), (72), (73)."""
-        filtered_error, view = action.memory["filtered_error"], action.memory["view"]
+        filtered_error, view = action.memory["filtered_error"], action.memory.get("view", View(x, x))
         x = view.now
         following = {"theta_hat": action.memory.get("theta_hat", z.theta_hat)}
         if self.adaptation is not None:

@@ -320,7 +320,7 @@ def test_commands_under_way_are_carried_out_in_their_order() -> None:
     np.testing.assert_array_equal(part.acting(z.accelerations), given[0])
     np.testing.assert_array_equal(part.acting(z.removed), 10.0 * given[0])
     y, rate, drift = np.array([0.3, 0.1]), np.array([1.0, -1.0]), np.array([0.2, 0.1])
-    seen = Seen(np.array([0.3 - C[0], 0.1, 0.0, 0.0, 0.0]), y, rate, np.zeros(2))
+    seen = Seen(np.array([0.3 - C[0], 0.1, 0.0, 0.0, 0.0]), y, rate, np.zeros(2), (y, rate))
     ahead = part.ahead(seen, E, drift, z, NUMPY, STEP)
     for one in given:
         y, rate = y + STEP * rate + 0.5 * STEP**2 * (E @ one + drift), rate + STEP * (E @ one + drift)

@@ -30,7 +30,7 @@ STUDY = {
     "pose, d^ not cancelled": POSE + "observer = { cancel = false }",
     "pose, cancelled and kept in the data": POSE + "observer = { separate = false }",
     "pose, linearizing, frozen": 'measures = "pose"\nreference_rate = 1.0\nouter_loop = { bandwidth = 15.0 }',
-    "v measured, with observer, rate = 20": MEASURED + "rate = 20.0\nobserver = {}",
+    "v measured, with observer, rate = 20": MEASURED + "rate = 20.0\nobserver = {}\nlearning = { noise = 1.0 }",
     "v measured, composite, rate = 20": MEASURED + "rate = 20.0\nlearning = { noise = 3.0, gain = 0.3 }",
     "v measured, frozen (25), w = 30": FROZEN.format(60, 900),
     "v measured, frozen (25), w = 40": FROZEN.format(80, 1600),

@@ -82,8 +82,11 @@ class Sight:
             fast = self.cancelling.fast(cancelled, z.cancelling)
         return View(seen.x, ahead.x, E, seen, ahead, cancelled, fast)
 
-    def acting(self, view: View, asked: Asked, z: SimpleNamespace, c: Array, model: Model) -> Asked:
-        """Of the command that acts now y'' as it is to be expected, d^ included, and what is kept out of the data."""
+    def acting(self, view: View, asked: Asked, z: SimpleNamespace, c: Array, model: Model) -> tuple[Array, Array]:
+        """Of the command that acts now y'' as it is to be expected, d^ included, and what is kept out of the data.
+
+        Without an observer nobody expects anything, and what was asked is given back.
+        """
         if view.seen is None:
             return asked
         meant, removed = _meant(view, asked, model), asked[1]

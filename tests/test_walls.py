@@ -7,6 +7,8 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import pytest
+
 import wmr_afl
 from tests.conftest import ROBOTS, ROOT
 
@@ -80,3 +82,14 @@ def test_no_two_files_of_a_folder_differ_by_an_ending_only() -> None:
     for folder in {path.parent for top in ("derive", "wmr_afl", "wmr_input") for path in (ROOT / top).rglob("*.py")}:
         stems = [re.sub(r"(ies|ing|s|y|e)$", "", path.stem) for path in folder.iterdir() if path.suffix == ".py"]
         assert sorted(set(stems)) == sorted(stems), folder
+
+
+def test_the_name_of_a_test_is_the_same_in_every_process(request: pytest.FixtureRequest) -> None:
+    """Else tests that run side by side are not the same tests: no set in an order of its own, no address."""
+    for item in request.session.items:
+        assert " at 0x" not in item.nodeid
+        for value in getattr(item, "callspec", None).params.values() if hasattr(item, "callspec") else ():
+            for some in value if isinstance(value, list | tuple) else [value]:
+                assert not (isinstance(some, set | frozenset) and len(some) > 1 and str(some) in item.nodeid), (
+                    item.nodeid
+                )

@@ -69,7 +69,6 @@ def test_what_is_no_sine_and_has_no_coordinate_is_not_solved() -> None:
         ([], [set()]),
         ([a * q + b], [{a * q + b}]),
     ],
-    ids=str,
 )
 def test_expressions_vanish_together_at_their_common_zeros(expressions: list, expected: list[set]) -> None:
     """One factor of each; a number or a parameter never vanishes."""

@@ -30,6 +30,7 @@ class UnknownNameError(WmrError, LookupError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = "") -> None:
         """`hint`: what else may have been meant."""
+        self.hint = hint
         names, shown = list(known), str(name) if len(str(name)) <= 60 else f"{str(name)[:57]}..."
         listed = ", ".join(names) if names else "none"
         near = nearest(str(name), names)

@@ -102,10 +102,8 @@ def sentence(run: Run) -> str:
     if not names:
         return ""
     formulas = run.model.formulas_of(run.estimated)
-    told, open_ones = (
-        listed([f"{name} = {formulas[name]}" for name in names]),
-        left_open(run.model, run.estimated, names),
-    )
+    told = listed([f"{name} = {formulas[name]}" for name in names])
+    open_ones = left_open(run.model, run.estimated, names)
     if run.deviation is None:
         return f"{told}: not excited by this reference"
     unknown = f"; of {listed(open_ones)} nothing is learned" if open_ones else ""

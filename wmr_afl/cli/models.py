@@ -101,7 +101,7 @@ def check(
             situation = Situation(subject)
         except UnknownNameError as error:
             known = [*list_models(), *list_experiments()]
-            raise UnknownNameError("model or experiment", subject, known) from error
+            raise UnknownNameError("model or experiment", subject, known, error.hint) from None
         deviations = {law: law.deviation(situation) for law in LAWS if law.applies(situation.numpy)}
     table = Table("law", "what must hold", "deviation", "at most", "verdict", box=None, header_style="bold")
     obeyed = True

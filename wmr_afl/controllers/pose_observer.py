@@ -45,6 +45,11 @@ class Seen:
         return TrackingError(e, self.y_rate - reference.velocity)
 
 
+def moved(y: Array, y_rate: Array, acceleration: Array, step: Array) -> tuple[Array, Array]:
+    """y and y' one step [s] later, y'' held: y + T y' + T^2/2 y'' and y' + T y'', (n-m,) each."""
+    return y + step * y_rate + 0.5 * step * step * acceleration, y_rate + step * acceleration
+
+
 class PoseObserver(Part):
     """y^, y'^ and d^ from y = h(q) alone; v^ = E^-1 y'^. It needs no model, only the acceleration that was asked for.
 
@@ -92,8 +97,8 @@ class PoseObserver(Part):
         arrays, n, runs = model.arrays, model.coordinate_count, z.is_running[0]
         q, passed = x[:n], arrays.where(step > 0.0, step, 1.0)
         y = model.output(q, c)
-        expected = runs * (z.y + step * z.y_rate + 0.5 * step * step * z.acceleration) + (1.0 - runs) * y
-        expected_rate = runs * (z.y_rate + step * z.acceleration)
+        came, came_rate = moved(z.y, z.y_rate, z.acceleration, step)
+        expected, expected_rate = runs * came + (1.0 - runs) * y, runs * came_rate
         innovation = shorter_way(y - expected, model)  # a measured angle may jump by a turn
         B = arrays.exp(-k.rate[0] * passed)
         own = (

@@ -15,9 +15,8 @@ from wmr_afl.numerics.arrays import Array
 from wmr_afl.numerics.linear_algebra import solve
 from wmr_afl.numerics.parts import Part, prefixed
 
-Asked = tuple[
-    Array, Array
-]  # of a command: v' (n-m,) that it is to bring about, and what is kept out of the data (n-m,)
+# Of a command: v' that it is to bring about, and what is kept out of the data, (n-m,) each.
+Asked = tuple[Array, Array]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from wmr_afl.controllers.pose_observer import Seen
+from wmr_afl.controllers.pose_observer import Seen, moved
 from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.linear_algebra import solve
@@ -50,7 +50,7 @@ class CommandsUnderWay(Part):
         y, y_rate, n = seen.y, seen.y_rate, self.count
         for i in range(self.samples):
             acceleration = E @ z.accelerations[i * n : (i + 1) * n] + drift
-            y, y_rate = y + step * y_rate + 0.5 * step * step * acceleration, y_rate + step * acceleration
+            y, y_rate = moved(y, y_rate, acceleration, step)
         q = seen.x[: seen.x.shape[0] - n]
         return replace(seen, x=arrays.join([q, solve(E, y_rate, arrays)]), y=y, y_rate=y_rate)
 

@@ -194,6 +194,11 @@ class _Assembly:
         if given is None:
             return Sight()
         outputs, late = len(self.model.output_units), self.experiment.uncertainties.input_delay
+        if given.predict and (late is None or table.law == "linearizing"):
+            why = (
+                "the drive is not late" if late is None else "the linearizing law expects what the applied voltages do"
+            )
+            raise WmrError(f"predict means nothing: {why}", "remove predict")
         observer = PoseObserver(outputs, table.observer_rate(step), table.measures == "state")
         cancelling = Cancelling(outputs, given.start, given.ramp, given.band, given.separate) if given.cancel else None
         under_way = None

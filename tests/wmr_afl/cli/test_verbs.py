@@ -195,6 +195,10 @@ def test_an_experiment_is_checked_controller_by_controller(tmp_path: Path) -> No
     assert unknown.exit_code == 2
     assert "unknown model or experiment 'study_9'" in unknown.output
     assert "study_1" in unknown.output
+    shutil.copytree(ROOT / "generated" / "car", tmp_path / "car_2")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path)
+        assert "write ./car_2" in call("check", "car_2").output
 
 
 def test_a_simulation_prints_its_metrics_and_writes_its_files(short: Path, tmp_path: Path) -> None:

@@ -235,6 +235,11 @@ def test_steps_that_jitter_disturb_no_observer() -> None:
         ("observer = { rate = 0.0 }", "greater than 0"),
         ("observer = { ramp = -1.0 }", "greater than 0"),
         ("observer = { begin = 1.0 }", "begin"),
+        (
+            "observer = { predict = true }\nouter_loop = { bandwidth = 3.0 }",
+            "predict means nothing: the drive is not late",
+        ),
+        ('law = "frozen"\nobserver = { predict = true }', "predict means nothing: the drive is not late"),
         ("outer_loop = { bandwidth = 3.0, b1 = 1.0 }", "give b1 and b2, or bandwidth"),
         ("outer_loop = { b1 = 1.0 }", "give b1 and b2, or bandwidth"),
         ("outer_loop = { }", "give b1 and b2, or bandwidth"),
@@ -308,6 +313,7 @@ def test_a_law_knows_what_a_late_drive_still_has_to_carry_out(tmp_path: Path) ->
         assert run.failure is None
         assert run.unexpected is not None
         assert np.abs(run.unexpected[500:]).max() < 0.05
+        assert run.rms(since=10.0).max() < 2e-4  # of a reference that is two samples off it would be millimetres
 
 
 def test_commands_under_way_are_carried_out_in_their_order() -> None:

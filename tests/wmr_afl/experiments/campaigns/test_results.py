@@ -9,6 +9,7 @@ import pytest
 
 import wmr_afl
 from tests.wmr_afl.experiments.campaigns.handmade import INF, NAN, result
+from wmr_afl.experiments.campaigns import job
 from wmr_afl.experiments.campaigns.job import ensemble_of, loop_of, prepare, run_block
 from wmr_afl.experiments.campaigns.ledger import Ledger, clear
 from wmr_afl.experiments.campaigns.result import LEVELS, wilson
@@ -374,3 +375,20 @@ def test_the_end_of_a_run_is_a_time_from_which_errors_may_count(tmp_path: Path) 
     path.write_text(EXPERIMENT.replace("since = 0.1", 'since = 0.2\ncontroller = "other"'))
     assert prepare(path, backend="casadi").controller == "other"
     assert prepare(path, "AFL", backend="casadi").controller == "AFL"
+
+
+def test_only_the_last_few_loops_of_campaigns_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The files of older ones go with them, and they are assembled again where they are needed."""
+    monkeypatch.setattr(job, "_ASSEMBLED", {})
+    monkeypatch.setattr(job, "MOST_ASSEMBLED", 1)
+    jobs = []
+    for seed in (1, 2):
+        (tmp_path / f"{seed}.toml").write_text(EXPERIMENT.replace("seed = 1", f"seed = {seed}"))
+        jobs.append(prepare(tmp_path / f"{seed}.toml", backend="casadi"))
+    job.loop_of(jobs[0])
+    folder = Path(job._ASSEMBLED[jobs[0].fingerprint][1].name)
+    assert folder.exists()
+    job.loop_of(jobs[1])
+    assert list(job._ASSEMBLED) == [jobs[1].fingerprint]
+    assert not folder.exists()
+    assert job.loop_of(jobs[0]) is not None

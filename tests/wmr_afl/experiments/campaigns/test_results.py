@@ -392,3 +392,5 @@ def test_only_the_last_few_loops_of_campaigns_are_kept(tmp_path: Path, monkeypat
     assert list(job._ASSEMBLED) == [jobs[1].fingerprint]
     assert not folder.exists()
     assert job.loop_of(jobs[0]) is not None
+    for _, kept in job._ASSEMBLED.values():
+        kept.cleanup()

@@ -108,6 +108,7 @@ def columns(run: Run) -> list[str]:
         *(() if run.deviation is None else _named("deviation_", run.estimate_units)),
         *(() if run.observed is None else _named("observed_", model.state_units)),
         *(() if run.unexpected is None else _named("unexpected_", _accelerations(model.output_units))),
+        *(() if run.surprise is None else ("surprise [m or rad]",)),
     ]
 
 
@@ -120,6 +121,7 @@ def _lines(run: Run) -> Iterator[str]:
             run.time[part, None], run.state[part], run.input[part], run.command[part],
             run.reference[part], run.error[part], run.estimate[part],
             *(signal[part] for signal in (run.deviation, run.observed, run.unexpected) if signal is not None),
+            *(() if run.surprise is None else (run.surprise[part, None],)),
         ])  # fmt: skip
         yield from (",".join(map(repr, row)) + "\n" for row in table.tolist())
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.reference import Point
 from wmr_afl.errors import MissingTermError, ShapeError
+from wmr_afl.model.measurement import Measurement
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fixed, Part, Parts
@@ -65,6 +66,7 @@ class Law(Fixed):
     adapts: bool  # whether its estimates move
     knows_deviation: bool = False  # of its estimates
     observes: bool = False  # whether it goes by what an observer makes of the pose
+    measurement: Measurement | None = None  # what `act` is given; None is x as it is measured
     lead: float = 0.0  # [s]: how much later than now the reference counts that it is given
 
     @property
@@ -80,7 +82,7 @@ class Law(Fixed):
     def act(
         self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> Action:
-        """The command at the measured state x; `step` [s] is the time since the last sample."""
+        """The command at what is measured, x; `step` [s] is the time since the last sample."""
         raise NotImplementedError
 
     def deviation(self, z: SimpleNamespace, arrays: Arrays) -> Array:

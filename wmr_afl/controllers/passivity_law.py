@@ -121,6 +121,7 @@ class PassivityLaw(Law):
         self.projection = projection or Projection(len(knowledge.theta_hat))
         self.sight = sight or Sight()
         self.observes, self.lead = self.sight.observer is not None, self.sight.lead
+        self.measurement = self.sight.measurement
         own = (self.error, self.reference_model, self.effort, direct, least_squares, self.projection)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 
@@ -153,6 +154,8 @@ class PassivityLaw(Law):
             )
         u, beyond = self.effort.inputs(allocation, wanted_effort, k.effort, model)
         regular = arrays.minimum(regularity(E, arrays), regularity(allocation, arrays))
+        for sound in self.sight.sound(view, k):
+            regular = arrays.minimum(regular, sound)
         memory = {
             "theta_hat": pi_hat, "following": following, "distance": d, "regressor": regressor,
             "allocation": allocation, "is_free": arrays.where(beyond > 1.0, 0.0, 1.0),

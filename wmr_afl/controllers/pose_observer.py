@@ -3,46 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 
-from wmr_afl.controllers.outer_loop import TrackingError, shorter_way
-from wmr_afl.controllers.reference import Point
+from wmr_afl.controllers.observer import Observer, Seen
+from wmr_afl.controllers.outer_loop import shorter_way
+from wmr_afl.model.measurement import Measurement
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.linear_algebra import solve
 from wmr_afl.numerics.parts import Fault, Part
-from wmr_input.fields import NotNegative, Positive, Table
-
-
-class ObserverTable(Table):
-    """How the pose is looked at; every number has a default that needs no tuning."""
-
-    rate: Positive | None = None  # wo of the observer [1/s], 0.6/(sample time) unless given
-    cancel: bool = True  # whether what is not modelled is taken out of the command
-    separate: bool = True  # whether the fast part of that is kept out of the data of least squares
-    start: NotNegative = 2.0  # [s], from when it is cancelled: learn first
-    ramp: Positive = 2.0  # [s], how slowly cancelling begins
-    band: Positive = 1.0  # tau_d [s]: slower mismatch still teaches the estimates
-    predict: bool = False  # whether the law goes by where the outputs will be when a late drive carries its command out
-
-
-@dataclass(frozen=True)
-class Seen:
-    """What an observer makes of a sample: the state, y and y' there, and what y'' has that was not expected."""
-
-    x: Array  # q as measured and v, (2n-m,)
-    y: Array  # y that the law goes by, (n-m,)
-    y_rate: Array
-    unexpected: Array  # d^ [output units/s^2]
-    own: tuple[Array, Array]  # y^ and y'^ of the observer: what the law goes by unless v is measured, too
-
-    def error(self, reference: Point, model: Model) -> TrackingError:
-        """y^ - yr and its rate."""
-        e = shorter_way(self.y - reference.position, model, reference.counts_turns)
-        return TrackingError(e, self.y_rate - reference.velocity)
 
 
 def moved(y: Array, y_rate: Array, acceleration: Array, step: Array) -> tuple[Array, Array]:
@@ -50,7 +21,7 @@ def moved(y: Array, y_rate: Array, acceleration: Array, step: Array) -> tuple[Ar
     return y + step * y_rate + 0.5 * step * step * acceleration, y_rate + step * acceleration
 
 
-class PoseObserver(Part):
+class PoseObserver(Observer):
     """y^, y'^ and d^ from y = h(q) alone; v^ = E^-1 y'^. It needs no model, only the acceleration that was asked for.
 
     From sample to sample, T after the last one, with i = y - y^ and all error poles at B = exp(-rate T):
@@ -60,43 +31,42 @@ class PoseObserver(Part):
 
     y'' is what the law expects of the voltages that reach the motors, d^ included, so that nothing winds up at a limit.
     At the first sample y^ = y, y'^ = d^ = 0. With `measures_v` the law goes by y and v as measured, and by d^.
-    `rate` [1/s].
+    `rate` [1/s]; a sample that differs from what was expected by more than `bound` [output units] ends what it is for.
 
     Raises:
-        WmrError: if the rate is not positive.
+        WmrError: if the rate or the bound is not positive.
 
     References: an extended high-gain observer, as in Khalil, Praly, High-gain observers in nonlinear feedback control,
     Int. J. Robust and Nonlinear Control 24, 2014, with sampled poles.
     """
 
-    name = "observer"
-
-    def __init__(self, outputs: int, rate: float, measures_v: bool = False) -> None:
-        self.outputs, self.rate, self.measures_v = outputs, np.array([float(rate)]), measures_v
+    def __init__(
+        self,
+        outputs: int,
+        rate: float,
+        measures_v: bool = False,
+        bound: float = np.inf,
+        measurement: Measurement | None = None,
+    ) -> None:
+        """`measurement`: of coordinates in order, if that is what `see` is given instead of x."""
+        self.outputs, self.measures_v, self.measurement = outputs, measures_v, measurement
+        self.rate, self.bound = np.array([float(rate)]), np.array([float(bound)])
         self.check_numbers()
 
     @property
     def values(self) -> dict[str, Floats]:
-        return {"rate": self.rate}
+        return {"rate": self.rate, "bound": self.bound}
 
     @property
     def states(self) -> dict[str, Floats]:
         of_outputs = {name: np.zeros(self.outputs) for name in ("y", "y_rate", "acceleration", "unexpected")}
         return {**of_outputs, "is_running": np.zeros(1)}
 
-    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
-        yield (
-            ~np.all(np.isfinite(k.rate) & (k.rate > 0), axis=-1),
-            lambda k: (f"the rate of the observer is {k.rate[0]:g}", "choose a positive number [1/s]"),
-        )
-
-    def see(
-        self, x: Array, E: Array, z: SimpleNamespace, k: SimpleNamespace, c: Array, model: Model, step: Array
-    ) -> Seen:
-        """What this sample tells; of x (2n-m,) only q is looked at unless v is measured, too. E: output map there."""
+    def see(self, x: Array, z: SimpleNamespace, k: SimpleNamespace, c: Array, model: Model, step: Array) -> Seen:
+        """What this sample tells; of x (2n-m,) only q is looked at unless v is measured, too."""
         arrays, n, runs = model.arrays, model.coordinate_count, z.is_running[0]
         q, passed = x[:n], arrays.where(step > 0.0, step, 1.0)
-        y = model.output(q, c)
+        y, E = model.output(q, c), model.output_map(q, c)
         came, came_rate = moved(z.y, z.y_rate, z.acceleration, step)
         expected, expected_rate = runs * came + (1.0 - runs) * y, runs * came_rate
         innovation = shorter_way(y - expected, model)  # a measured angle may jump by a turn
@@ -106,16 +76,20 @@ class PoseObserver(Part):
             expected_rate + 1.5 * (1.0 - B) * (1.0 - B) * (1.0 + B) / passed * innovation,
         )
         unexpected = runs * z.unexpected + (1.0 - B) * (1.0 - B) * (1.0 - B) / (passed * passed) * innovation
+        surprise = 0.0
+        for i in range(self.outputs):
+            surprise = arrays.maximum(surprise, arrays.absolute(innovation[i]))
         if self.measures_v:
             started = (own[0], runs * own[1] + (1.0 - runs) * (E @ x[n:]))
-            return Seen(x, y, E @ x[n:], unexpected, started)
-        return Seen(arrays.join([q, solve(E, own[1], arrays)]), *own, unexpected, own)
+            return Seen(x, y, E @ x[n:], unexpected, E, surprise, {"own": started})
+        observed = arrays.join([q, solve(E, own[1], arrays)])
+        return Seen(observed, *own, unexpected, E, surprise, {"own": own})
 
-    def update(self, seen: Seen, acceleration: Array, arrays: Arrays) -> dict[str, Array]:
-        """The states one sample later; `acceleration` y'' as the law expects it, d^ included."""
+    def update(self, seen: Seen, acceleration: Array, drift: Array, arrays: Arrays) -> dict[str, Array]:
+        y, y_rate = seen.memory["own"]
         return {
-            "y": seen.own[0],
-            "y_rate": seen.own[1],
+            "y": y,
+            "y_rate": y_rate,
             "acceleration": acceleration,
             "unexpected": seen.unexpected,
             "is_running": arrays.vector([1.0]),

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import SimpleNamespace
 
+from wmr_afl.controllers.observer import Observer, Seen
 from wmr_afl.controllers.outer_loop import TrackingError, tracking_error
-from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver, Seen
+from wmr_afl.controllers.pose_observer import Cancelling
 from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.under_way import CommandsUnderWay
 from wmr_afl.errors import MissingTermError
+from wmr_afl.model.measurement import Measurement
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array
 from wmr_afl.numerics.linear_algebra import solve
@@ -25,16 +27,25 @@ class View:
 
     now: Array  # (2n-m,)
     x: Array  # when the command acts, (2n-m,): `now` unless that is predicted
-    E: Array | None = None  # output map J_h S at q, (n-m, n-m), if it was needed
     seen: Seen | None = None
     ahead: Seen | None = None
     cancelled: Array | None = None  # g E^-1 d^ (n-m,) [of v']
     fast: Array | None = None  # of it what is kept out of the data
 
     @property
+    def E(self) -> Array | None:
+        """Output map J_h S at q, (n-m, n-m), if an observer needed it."""
+        return None if self.seen is None else self.seen.E
+
+    @property
     def unexpected(self) -> Array:
         """d^ (n-m,) [output units/s^2]; only where there is an observer."""
         return None if self.seen is None else self.seen.unexpected
+
+    @property
+    def surprise(self) -> Array:
+        """By how much this sample differs from what was expected [m, rad]; only where there is an observer."""
+        return None if self.seen is None else self.seen.surprise
 
     def error(self, reference: Point, c: Array, model: Model) -> TrackingError:
         """y - yr and its rate, where the command acts."""
@@ -52,7 +63,7 @@ class Sight:
 
     def __init__(
         self,
-        observer: PoseObserver | None = None,
+        observer: Observer | None = None,
         cancelling: Cancelling | None = None,
         under_way: CommandsUnderWay | None = None,
     ) -> None:
@@ -62,16 +73,26 @@ class Sight:
         self.parts: tuple[Part | None, ...] = (observer, cancelling, under_way)
 
     @property
+    def measurement(self) -> Measurement | None:
+        """What it looks at; None is x as it is measured."""
+        return None if self.observer is None else self.observer.measurement
+
+    @property
     def lead(self) -> float:
         """How much later than now [s] the reference counts."""
         return 0.0 if self.under_way is None or not self.under_way.predicts else self.under_way.seconds
 
+    def sound(self, view: View, k: SimpleNamespace) -> list[Array]:
+        """Nothing, or a number that is positive as long as the observer is not lost."""
+        return [] if view.seen is None else [k.observer.bound[0] - view.seen.surprise]
+
     def look(self, x: Array, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array) -> View:
-        """What the measured state x (2n-m,) tells."""
+        """What the measured x (2n-m,), or z of the measurement, tells."""
         if self.observer is None:
             return View(x, x)
-        arrays, E = model.arrays, model.output_map(x[: model.coordinate_count], k.c)
-        seen = ahead = self.observer.see(x, E, z.observer, k.observer, k.c, model, step)
+        arrays = model.arrays
+        seen = ahead = self.observer.see(x, z.observer, k.observer, k.c, model, step)
+        E = seen.E
         if self.under_way is not None:
             ahead = self.under_way.ahead(seen, E, _drift(seen.x, k.c, model), z.under_way, arrays, step)
         cancelled = fast = None
@@ -79,7 +100,7 @@ class Sight:
             unexpected = solve(E, seen.unexpected, arrays)
             cancelled = self.cancelling.cancelled(unexpected, z.cancelling, k.cancelling, arrays)
             fast = self.cancelling.fast(cancelled, z.cancelling)
-        return View(seen.x, ahead.x, E, seen, ahead, cancelled, fast)
+        return View(seen.x, ahead.x, seen, ahead, cancelled, fast)
 
     def acting(self, view: View, asked: Asked, z: SimpleNamespace, c: Array, model: Model) -> tuple[Array, Array]:
         """Of the command that acts now y'' as it is to be expected, d^ included, and what is kept out of the data.
@@ -106,7 +127,9 @@ class Sight:
         """The states one sample later; `expected` y'' of the command that acts now, `asked` of the one given now."""
         following = dict[str, Array]()
         if self.observer is not None and view.seen is not None:
-            following |= prefixed("observer", self.observer.update(view.seen, expected, model.arrays))
+            following |= prefixed(
+                "observer", self.observer.update(view.seen, expected, _drift(view.now, k.c, model), model.arrays)
+            )
         if self.cancelling is not None:
             moved = self.cancelling.update(view.cancelled, z.cancelling, k.cancelling, model.arrays, step)
             following |= prefixed("cancelling", moved)

@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 from wmr_afl.controllers.adaptation import AdaptationTable
 from wmr_afl.controllers.direct_adaptation import guessed_inertia
 from wmr_afl.controllers.groups import RowsOfGroups, groups_of
+from wmr_afl.controllers.observer import ObserverTable
 from wmr_afl.controllers.outer_loop import OuterLoopTable
-from wmr_afl.controllers.pose_observer import ObserverTable
 from wmr_afl.controllers.projection import ProjectionTable
 from wmr_afl.controllers.robust_term import RobustTable
 from wmr_afl.model.model import Model
@@ -69,6 +69,7 @@ class ControllerTable(Table):
     learning: LearningTable = LearningTable()
     limit: Positive | None = None  # of the inputs [V]; that of the drive unless given
     measures: Literal["state", "pose"] = "state"  # whether v is measured, too
+    measured: list[str] | None = None  # instead: entries of the state, and motors whose rates are measured
     observer: ObserverTable | None = None  # of what is not modelled, and of v unless it is measured; has defaults
 
     @property
@@ -76,10 +77,34 @@ class ControllerTable(Table):
         """The generated function whose values are estimated."""
         return "base_parameters" if self.law == "linearizing" else "passivity_parameters"
 
+    @model_validator(mode="after")
+    def _told_once(self) -> ControllerTable:
+        if self.measured is not None and "measures" in self.model_fields_set:
+            raise FieldError("measures and measured both say what is measured", "give one of them")
+        return self
+
+    @property
+    def knows_v(self) -> bool:
+        """Whether the law goes by v as it is measured."""
+        return self.measures == "state" and self.measured is None
+
     @property
     def observing(self) -> ObserverTable | None:
         """The observer's table, where there is one."""
-        return self.observer or (ObserverTable() if self.measures == "pose" else None)
+        return self.observer or (None if self.knows_v else ObserverTable())
+
+    def entries_measured(self, model: Model) -> tuple[str, ...]:
+        """What is measured, by name: entries of the state and motors."""
+        if self.measured is not None:
+            return tuple(self.measured)
+        return tuple(model.state_units)[: None if self.knows_v else model.coordinate_count]
+
+    def is_kalman(self, model: Model) -> bool:
+        """Whether the observer is the one that makes a state of anything."""
+        if self.observing is None or self.observing.kind is not None:
+            return self.observing is not None and self.observing.kind == "kalman"
+        names = list(model.state_units)
+        return set(self.entries_measured(model)) not in (set(names[: model.coordinate_count]), set(names))
 
     @property
     def noise(self) -> float:
@@ -88,7 +113,7 @@ class ControllerTable(Table):
 
     def rates(self, sample_time: float, delay: float) -> tuple[float, float]:
         """Of loop and reference model [1/s], for a drive that is `delay` [s] late."""
-        if self.measures == "pose":
+        if not self.knows_v:
             bandwidth = min(SHARE / sample_time, POSE_SHARE_OF_DELAY / delay if delay else np.inf)
             usual = (1.0 - np.exp(-bandwidth * sample_time)) / sample_time  # both sampled poles of the loop there
         else:
@@ -105,6 +130,8 @@ class ControllerTable(Table):
         """What follows from other numbers of the loop: c and theta_hat(0) from p, gains and bounds from these."""
         rules: dict[str, Rule] = {"c": lambda n: model.known(n["p"])}
         truth, names = getattr(model, self.estimated), list(model.units_of(self.estimated))
+        if self.is_kalman(model):
+            rules["observer.p"] = lambda n: model.replaced(n["p"], self.guess)
         if self.guess or self.estimate == "exact":
             rules["theta_hat"] = lambda n: truth(model.replaced(n["p"], self.guess))
         else:

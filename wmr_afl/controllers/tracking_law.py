@@ -75,6 +75,7 @@ class TrackingLaw(Law):
         self.last = LastRegressor(len(model.output_units), len(knowledge.units)) if is_late else None
         self.sight = sight or Sight()
         self.observes, self.lead = self.sight.observer is not None, self.sight.lead
+        self.measurement = self.sight.measurement
         own = (self.outer_loop, self.linearizing, *adapting, self.robust, self.reference_model, self.last)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 
@@ -104,6 +105,8 @@ class TrackingLaw(Law):
                 self.last.matrix(z.last_regressor, model.arrays), filtered_error, z, k, model, step
             )
         u, regularity = self.linearizing.inputs(x, eta, theta_hat, k.c, k.linearizing, model)
+        for sound in self.sight.sound(view, k):
+            regularity = model.arrays.minimum(regularity, sound)
         return Action(u, regularity, {**memory, "filtered_error": filtered_error, "theta_hat": theta_hat})
 
     def _adapted(

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from wmr_afl.controllers.pose_observer import Seen, moved
+from wmr_afl.controllers.observer import Seen
+from wmr_afl.controllers.pose_observer import moved
 from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.linear_algebra import solve

@@ -14,9 +14,11 @@ from wmr_afl.controllers import reference
 from wmr_afl.controllers.adaptation import GradientAdaptation
 from wmr_afl.controllers.direct_adaptation import DirectAdaptation
 from wmr_afl.controllers.groups import groups_of
+from wmr_afl.controllers.kalman_observer import KalmanObserver
 from wmr_afl.controllers.law import Knowledge, Law
 from wmr_afl.controllers.least_squares import LeastSquares
 from wmr_afl.controllers.linearizing_law import LinearizingLaw
+from wmr_afl.controllers.observer import Observer, ObserverTable
 from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.passivity_law import Effort, PassivityLaw
 from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
@@ -31,7 +33,9 @@ from wmr_afl.controllers.under_way import CommandsUnderWay
 from wmr_afl.errors import WmrError
 from wmr_afl.experiments.experiment import Experiment
 from wmr_afl.model.files import model_folder
+from wmr_afl.model.measurement import Measurement
 from wmr_afl.model.model import Model, load_model
+from wmr_afl.model.observability import remedies, undetermined
 from wmr_afl.model.plausibility import check_robots, check_start
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.rules import Numbers, Rules
@@ -185,11 +189,11 @@ class _Assembly:
                 )
         rates = table.rates(step, 0.0 if late is None else late.seconds)
         with self.at(f"[controllers.{name}]"):
-            sight = self._sight(table)
+            sight = self._sight(table, numbers)
             return PassivityLaw(knowledge, *rates, effort, direct, least_squares, projection, sight)
 
-    def _sight(self, table: ControllerTable) -> Sight:
-        """What looks at the pose, and what is made of it."""
+    def _sight(self, table: ControllerTable, numbers: Numbers) -> Sight:
+        """What looks at what is measured, and what is made of it."""
         given, step = table.observing, self.experiment.simulation.sample_time
         if given is None:
             return Sight()
@@ -199,12 +203,40 @@ class _Assembly:
                 "the drive is not late" if late is None else "the linearizing law expects what the applied voltages do"
             )
             raise WmrError(f"predict means nothing: {why}", "remove predict")
-        observer = PoseObserver(outputs, table.observer_rate(step), table.measures == "state")
+        observer = self._observer(table, given, numbers)
         cancelling = Cancelling(outputs, given.start, given.ramp, given.band, given.separate) if given.cancel else None
         under_way = None
         if late is not None and table.law != "linearizing":  # that law expects what the applied voltages do
             under_way = CommandsUnderWay(outputs, round(late.seconds / step), step, given.predict)
         return Sight(observer, cancelling, under_way)
+
+    def _observer(self, table: ControllerTable, given: ObserverTable, numbers: Numbers) -> Observer:
+        """Of the pose, or of whatever is measured, which then has to determine the state."""
+        model, rate = self.model, table.observer_rate(self.experiment.simulation.sample_time)
+        measured = table.entries_measured(model)
+        if not table.is_kalman(model):
+            for key in ("deviation", "carried", "first"):
+                if key in given.model_fields_set:
+                    raise WmrError(f"observer.{key} means nothing where the pose is measured", 'add kind = "kalman"')
+            pose, sees_v = list(model.state_units)[: model.coordinate_count], len(measured) == len(model.state_units)
+            seen = None if sees_v else Measurement(model, pose)
+            return PoseObserver(len(model.output_units), rate, sees_v, given.bound, seen)
+        p = numbers["observer.p"]
+        observer = KalmanObserver(
+            model, Measurement(model, measured), rate, p, given.deviation, given.first, given.bound
+        )
+        for name in given.carried:
+            if name not in model.state_units or name in measured:
+                raise WmrError(f"observer.carried names {name}", "name entries of the state that are not measured")
+        known = [*measured, *given.carried]
+        left = undetermined(model, known, p)
+        if left:
+            remedy = f"measure {', or '.join(' and '.join(names) for names in remedies(model, known, p))}, too"
+            joints = [name for name in left if name in list(model.state_units)[: model.coordinate_count]]
+            if joints and not undetermined(model, [*known, *joints], p):
+                remedy += f", or let the motion carry it along: observer.carried = {joints}"
+            raise WmrError(f"{', '.join(measured)} do not determine {', '.join(left)}", remedy)
+        return observer
 
     def _linearizing(self, name: str, table: ControllerTable, place: Callable[[str], str]) -> TrackingLaw:
         model = self.model
@@ -223,7 +255,7 @@ class _Assembly:
             rate, outputs = table.reference_rate, len(model.output_units)
             reference_model = None if rate is None else ReferenceModel(outputs, rate)
             return TrackingLaw(
-                knowledge, outer_loop, linearizing, adaptation, robust, reference_model, self._sight(table)
+                knowledge, outer_loop, linearizing, adaptation, robust, reference_model, self._sight(table, numbers)
             )
 
     def _adaptation(self, name: str, table: ControllerTable, numbers: Numbers) -> GradientAdaptation | None:

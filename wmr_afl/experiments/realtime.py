@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.law import Law
-from wmr_afl.controllers.pose_observer import PoseObserver
+from wmr_afl.controllers.observer import Observer
 from wmr_afl.controllers.reference import Reference
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.errors import CompilerError, ShapeError, SimulationError, WmrError
@@ -80,12 +80,13 @@ class Controller(Fixed):
                 "choose 0 < sample_time <= max_gap",
             )
         self.drive = Parts(drive)
-        self._inputs, self._size = len(model.input_units), len(model.state_units)
+        self.measured = tuple(model.state_units) if law.measurement is None else law.measurement.names
+        self._inputs, self._size = len(model.input_units), len(self.measured)
         self._layout = Layout(disjoint(law.states, self.drive.states))
         self._start = self._layout.pack(disjoint(law.states, self.drive.states))
         places = {name: place for name, place in self._layout.places.items() if name.endswith(".is_running")}
         self._restarts = [place.start for place in places.values()]
-        exact = tuple(f"{part.name}." for part in (ReferenceModel, PoseObserver))  # go by the time that has passed
+        exact = tuple(f"{part.name}." for part in (ReferenceModel, Observer))  # go by the time that has passed
         self._comparing = [place.start for name, place in places.items() if not name.startswith(exact)]
         self._usual = (1.0 - SAME) * self.sample_time, (1.0 + SAME) * self.sample_time
         self._given, self._t, self._out = np.zeros(self._size + 1), np.zeros(1), np.zeros(self._inputs + 2)
@@ -109,7 +110,9 @@ class Controller(Fixed):
         return cls(loop.model, loop.law, loop.reference, loop.sample_time, drive)
 
     def update(self, t: float, x: ArrayLike) -> Floats:
-        """The voltages (n_u,) at time t [s] for the measured state x (2n-m,).
+        """The voltages (n_u,) at time t [s] for what is measured, x: entries as `measured` names them.
+
+        These are the state (2n-m,), unless the controller's table says which entries, or rates of motors, are measured.
 
         A second call at the same time is no new sample: for the same x it gives the same voltages, and changes nothing.
 
@@ -119,8 +122,11 @@ class Controller(Fixed):
                 controller then stays as it was.
         """
         measured = x if type(x) is np.ndarray and x.dtype == np.float64 else real_numbers("x", x, kinds=MEASURED)
+        if measured.shape == (len(self.model.state_units),) != (self._size,) and self.law.measurement is not None:
+            picked = self.law.measurement.picked(measured)  # whoever has all of the state may give it
+            measured = measured if picked is None else picked
         if measured.shape != (self._size,):
-            names = ", ".join(self.model.state_units)
+            names = ", ".join(self.measured)
             raise ShapeError(f"x has shape {measured.shape}", f"expected ({self._size},): {names}")
         time = t if type(t) is float else _seconds(t)
         with self._lock:
@@ -208,11 +214,11 @@ class Controller(Fixed):
         """Why there are no voltages: the first cause that shows."""
         if not isfinite(time):
             return "the time is not finite"
-        wrong = [name for name, value in zip(self.model.state_units, measured, strict=True) if not isfinite(value)]
+        wrong = [name for name, value in zip(self.measured, measured, strict=True) if not isfinite(value)]
         if wrong:
             return f"{', '.join(wrong)} as measured {'is' if len(wrong) == 1 else 'are'} not finite"
         return (
-            "what is inverted is singular"
+            "what is inverted is singular, or the observer is lost"
             if not self._out[-1] > 0.0
             else "the voltages, or the estimates after them, are not finite"
         )

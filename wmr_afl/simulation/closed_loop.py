@@ -55,7 +55,7 @@ class ClosedLoop:
         outputs, inputs = len(self.model.output_units), len(self.model.input_units)
         optional = {"deviation": len(self.law.knowledge.units), "unexplained": 1} if self.law.knows_deviation else {}
         if self.law.observes:
-            optional |= {"observed": len(self.model.state_units), "unexpected": outputs}
+            optional |= {"observed": len(self.model.state_units), "unexpected": outputs, "surprise": 1}
         return {
             "x": len(self.model.state_units),
             "u": inputs,
@@ -101,6 +101,8 @@ class ClosedLoop:
         """
         reference = self.reference.at(t)
         seen = self.plant.measured(z.x, sample, k, model.arrays)
+        if self.law.measurement is not None:
+            seen = self.law.measurement.of(seen, self.plant.parameters_at(t, k, model.arrays), model)
         ahead = self.reference.at(t + self.law.lead) if self.law.lead else reference
         action = self.law.act(seen, ahead, z, k, model, self.sample_time)
         applied = self.plant.applied(action.input, z, k, model.arrays)
@@ -118,7 +120,11 @@ class ClosedLoop:
             signals["unexplained"] = self.law.unexplained(z, k, model.arrays, self.sample_time)
         if self.law.observes:
             view: View = action.memory["view"]
-            signals |= {"observed": view.now, "unexpected": view.unexpected}
+            signals |= {
+                "observed": view.now,
+                "unexpected": view.unexpected,
+                "surprise": model.arrays.vector([view.surprise]),
+            }
         following = {
             **self.plant.update(t, action.input, z, k, model, self.sample_time),
             **self.law.update(seen, action, applied, z, k, model, self.sample_time),

@@ -29,12 +29,24 @@ def cause(loop: ClosedLoop, t: float, signals: Mapping[str, Floats], numbers: Ma
         return "the reference, or a derivative of it, is not finite there; choose an expression that is smooth there"
     if not np.isfinite(signals["e"]).all():
         return "the output is not finite there"
+    if "surprise" in signals and not signals["surprise"][0] < numbers["observer.bound"][0]:
+        return _lost(loop, float(signals["surprise"][0]), numbers)
     if not signals["regularity"][0] > 0.0:
         when = " at the start" if t == 0.0 else ""
         if "error.rate" in numbers:  # a law that inverts no estimate
             return f"the output map E or the allocation R is singular{when}; {KEEP_AWAY}"
         return f"{SINGULAR.format('estimated ' if adapts else '')}{when}; {BOUND if adapts else KEEP_AWAY}"
     return f"the input is not finite: the loop diverged; {_remedy(loop, numbers)}"
+
+
+def _lost(loop: ClosedLoop, surprise: float, numbers: Mapping[str, Floats]) -> str:
+    """What is said of an observer that no longer follows its robot."""
+    rate, bound = numbers["observer.rate"][0], numbers["observer.bound"][0]
+    return (
+        f"the observer is lost: a sample differs by {surprise:.3g} m or rad from what was expected, "
+        f"its bound is {bound:g}; "
+        f"correct the guess, tell delays and noise, or lower its rate ({rate:g} /s at {loop.sample_time:g} s)"
+    )
 
 
 def _remedy(loop: ClosedLoop, numbers: Mapping[str, Floats]) -> str:

@@ -48,6 +48,7 @@ class Run:
     unexplained: Floats | None = None  # (T,) [V s^1/2], what the equation of motion left in the last seconds, if known
     observed: Floats | None = None  # (T, 2n-m), the state as an observer tells it from the pose, if there is one
     unexpected: Floats | None = None  # (T, n-m), d^ of the observer: y'' that the law did not expect
+    surprise: Floats | None = None  # (T,) [m, rad], by how much the observer missed what was measured, the largest
     conditions: tuple[Condition, ...] = ()  # of proofs in discrete time, tried along the run
 
     def __repr__(self) -> str:

@@ -85,6 +85,7 @@ def simulate(
         unexplained=logged["unexplained"][:, 0] if "unexplained" in logged else None,
         observed=logged.get("observed"),
         unexpected=logged.get("unexpected"),
+        surprise=None if "surprise" not in logged else logged["surprise"][:, 0],
         reference=logged["reference"],
         parameters=numbers["p"].copy(),
         known=numbers["c"].copy(),

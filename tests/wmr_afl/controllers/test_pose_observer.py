@@ -12,8 +12,9 @@ import wmr_afl
 from tests.conftest import ROBOTS
 from wmr_afl import Controller, WmrError, load_model
 from wmr_afl.analysis.files import columns, write_results
+from wmr_afl.controllers.observer import Seen
 from wmr_afl.controllers.outer_loop import sampled_gains
-from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver, Seen
+from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
 from wmr_afl.controllers.sight import Sight
 from wmr_afl.controllers.under_way import CommandsUnderWay
 from wmr_afl.experiments.experiment import find_experiment
@@ -41,9 +42,9 @@ def watched(observer: PoseObserver, outputs: Floats, accelerations: Floats, step
     """(y^, y'^, d^) after each sample of outputs (T, 2), told y'' (T, 2)."""
     z, k, rows = SimpleNamespace(**observer.states), own(observer), []
     for y, acceleration in zip(outputs, accelerations, strict=True):
-        seen = observer.see(pose_of(y), E, z, k, C, MODEL, step)
+        seen = observer.see(pose_of(y), z, k, C, MODEL, step)
         rows.append(np.array([seen.y, seen.y_rate, seen.unexpected]))
-        z = SimpleNamespace(**observer.update(seen, acceleration + seen.unexpected, NUMPY))
+        z = SimpleNamespace(**observer.update(seen, acceleration + seen.unexpected, np.zeros(2), NUMPY))
     return rows
 
 
@@ -55,7 +56,7 @@ def test_all_error_poles_are_where_the_rate_says(rate: float, step: float) -> No
     for start in np.eye(3):
         parts = {name: np.array([value, 0.0]) for name, value in zip(("y", "y_rate", "unexpected"), start, strict=True)}
         z = SimpleNamespace(**parts, acceleration=parts["unexpected"], is_running=np.ones(1))
-        seen = observer.see(pose_of(np.zeros(2)), E, z, own(observer), C, MODEL, step)
+        seen = observer.see(pose_of(np.zeros(2)), z, own(observer), C, MODEL, step)
         columns.append([seen.y[0], seen.y_rate[0], seen.unexpected[0]])
     B = np.exp(-rate * step)
     np.testing.assert_allclose(np.poly(np.array(columns).T), [1.0, -3.0 * B, 3.0 * B**2, -(B**3)], atol=1e-12)
@@ -82,17 +83,15 @@ def test_an_angle_that_jumps_by_a_turn_is_the_same_angle() -> None:
     z, k = SimpleNamespace(**observer.states), own(observer)
     for phi in (3.1, 3.13, 3.16 - 2.0 * np.pi, 3.19 - 2.0 * np.pi):
         x = np.array([0.0, 0.0, phi, 0.0, 0.0, 0.0])
-        seen = observer.see(x, model.output_map(x[:3], c), z, k, c, model, STEP)
-        z = SimpleNamespace(**observer.update(seen, np.zeros(3), NUMPY))
+        seen = observer.see(x, z, k, c, model, STEP)
+        z = SimpleNamespace(**observer.update(seen, np.zeros(3), np.zeros(3), NUMPY))
         assert abs(seen.y_rate[2]) < 3.0
 
 
 def test_with_v_measured_only_the_unexpected_is_estimated() -> None:
     observer = PoseObserver(2, 30.0, measures_v=True)
     x = np.array([0.3, 0.2, 0.5, 1.5, -0.4])
-    seen = observer.see(
-        x, MODEL.output_map(x[:3], C), SimpleNamespace(**observer.states), own(observer), C, MODEL, STEP
-    )
+    seen = observer.see(x, SimpleNamespace(**observer.states), own(observer), C, MODEL, STEP)
     np.testing.assert_array_equal(seen.x, x)
     np.testing.assert_allclose(seen.y, MODEL.output(x[:3], C), rtol=1e-15)
     np.testing.assert_allclose(seen.y_rate, MODEL.output_rate(x, C), rtol=1e-14)
@@ -221,8 +220,8 @@ def test_steps_that_jitter_disturb_no_observer() -> None:
     for _ in range(300):
         step = STEP * random.uniform(0.5, 1.5)
         t += step
-        seen = observer.see(pose_of(0.5 * a * t**2 + b * t), E, z, k, C, MODEL, step)
-        z = SimpleNamespace(**observer.update(seen, a + 0.0 * seen.unexpected, NUMPY))
+        seen = observer.see(pose_of(0.5 * a * t**2 + b * t), z, k, C, MODEL, step)
+        z = SimpleNamespace(**observer.update(seen, a + 0.0 * seen.unexpected, np.zeros(2), NUMPY))
         if t < 2.0:
             z.unexpected = np.zeros(2)
     np.testing.assert_allclose(seen.y_rate, a * t + b, rtol=1e-6)
@@ -326,7 +325,7 @@ def test_commands_under_way_are_carried_out_in_their_order() -> None:
     np.testing.assert_array_equal(part.acting(z.accelerations), given[0])
     np.testing.assert_array_equal(part.acting(z.removed), 10.0 * given[0])
     y, rate, drift = np.array([0.3, 0.1]), np.array([1.0, -1.0]), np.array([0.2, 0.1])
-    seen = Seen(np.array([0.3 - C[0], 0.1, 0.0, 0.0, 0.0]), y, rate, np.zeros(2), (y, rate))
+    seen = Seen(np.array([0.3 - C[0], 0.1, 0.0, 0.0, 0.0]), y, rate, np.zeros(2), E, 0.0)
     ahead = part.ahead(seen, E, drift, z, NUMPY, STEP)
     for one in given:
         y, rate = y + STEP * rate + 0.5 * STEP**2 * (E @ one + drift), rate + STEP * (E @ one + drift)

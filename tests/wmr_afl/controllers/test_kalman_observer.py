@@ -1,0 +1,296 @@
+"""The observer of what is measured in part: a Kalman filter as a textbook writes it, and laws that go by it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import wmr_afl
+from tests.conftest import ROBOTS
+from wmr_afl import Controller, WmrError, load_model
+from wmr_afl.controllers.kalman_observer import KalmanObserver
+from wmr_afl.experiments.experiment import find_experiment
+from wmr_afl.experiments.load import load_experiment
+from wmr_afl.model.measurement import Measurement
+from wmr_afl.model.model import Model
+from wmr_afl.model.observability import undetermined
+from wmr_afl.numerics.arrays import NUMPY, Floats
+
+STEP = 0.02
+FEW = {  # what is measured of a robot instead of its state, often neither heading nor steering
+    "car": "x y", "mecanum": "x y phi u_fl u_fr u_rl u_rr", "tractor_3_trailers": "x y phi beta3",
+    "tractor_trailer": "x y beta", "type_1_1": "x y phi", "type_1_2": "x y phi u_front", "type_2_0": "x y u_r u_l",
+    "type_2_0_caster": "x y phi beta omega", "type_2_0_uneven": "x y v", "type_2_1": "x y phi gamma",
+    "type_3_0": "x y phi platform_turning",
+}  # fmt: skip
+
+
+def random_filter(model: Model, names: list[str]) -> tuple[KalmanObserver, SimpleNamespace, Floats]:
+    """An observer in the middle of its work, its states at random, and what is measured next."""
+    random, p = np.random.default_rng(7), model.parameters()
+    measurement = Measurement(model, names)
+    deviation = {name: 0.01 * (n + 1.0) for n, name in enumerate(names)}
+    observer = KalmanObserver(model, measurement, 20.0, p, deviation)
+    count, n = model.pseudo_velocity_count, model.coordinate_count
+    size = n + 2 * count
+    root = random.normal(0.0, 0.1, (size, size))
+    P = root @ root.T
+    state = random.uniform(0.2, 0.8, size)
+    states = {
+        "state": state, "covariance": P[np.triu_indices(size)], "acceleration": random.normal(size=count),
+        "is_running": np.ones(1),
+    }  # fmt: skip
+    z = measurement.of(state[: n + count] + random.normal(0.0, 0.05, n + count), p, model)
+    return observer, SimpleNamespace(**states), z
+
+
+def textbook(observer: KalmanObserver, model: Model, z: SimpleNamespace, measured: Floats) -> tuple[Floats, Floats]:
+    """The extended Kalman filter with whole matrices, K = P H^T (H P H^T + R)^-1, its derivatives by CasADi."""
+    symbolic, p, n, count = model.in_library("casadi"), observer.p, observer.n, observer.count
+    x, a = ca.SX.sym("x", n + 2 * count), ca.SX.sym("a", count)
+    q, v = x[:n], x[n : n + count]
+    middle_q, middle_v = ca.SX.sym("q", n), ca.SX.sym("v", count)
+    moves = symbolic.kinematic_matrix(middle_q, p) @ middle_v
+    at_middle = ca.Function("middle", [middle_q, middle_v], [ca.jacobian(moves, ca.vertcat(middle_q, middle_v)), moves])
+    middle = ca.Function("step", [x, a], [q + 0.5 * STEP * (symbolic.kinematic_matrix(q, p) @ v), v + 0.5 * STEP * a])(
+        z.state, z.acceleration
+    )
+    by_x, rate = (value.full() for value in at_middle(*middle))
+    F = np.eye(n + 2 * count)
+    F[:n, : n + count] += STEP * by_x
+    F[:n, n + count :] = 0.5 * STEP**2 * by_x[:, n:]
+    F[n : n + count, n + count :] = STEP * np.eye(count)
+    size = n + 2 * count
+    P = np.zeros((size, size))
+    P[np.triu_indices(size)] = z.covariance
+    P = P + P.T - np.diag(np.diag(P))
+    is_rate = np.array([place not in observer.measurement.coordinates.values() for place in range(len(measured))])
+    r = observer.deviation
+    finest = np.min(np.where(is_rate, r / observer.rate[0], r))
+    Q = np.zeros((size, size))
+    Q[n + count :, n + count :] = np.eye(count) * observer.rate[0] ** 6 * finest**2 * STEP**2
+    predicted = np.concatenate([z.state[:n] + STEP * rate[:, 0], z.state[n : n + count] + STEP * z.acceleration])
+    predicted = np.concatenate([predicted, z.state[n + count :]])
+    P = F @ P @ F.T + Q
+    there = ca.SX.sym("there", n)
+    held = observer.measurement.of(ca.vertcat(there, v), p, symbolic)  # X(q) as it is at q^, its slope is left out
+    H = np.zeros((len(measured), size))
+    slope = ca.Function("slope", [there, v], [ca.jacobian(held, ca.vertcat(there, v)), held])
+    values, expected = (value.full() for value in slope(predicted[:n], predicted[n : n + count]))
+    H[:, : n + count] = values
+    H[is_rate, :n] = 0.0
+    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + np.diag(r**2))
+    return predicted + K @ (measured - expected[:, 0]), P - K @ H @ P
+
+
+def test_it_is_the_filter_of_the_textbook(robot: str) -> None:
+    model = load_model(robot)
+    p = model.parameters()
+    observer, z, measured = random_filter(model, FEW[robot].split())
+    c, k = model.known(p), SimpleNamespace(**observer.values)
+    seen = observer.see(measured, z, k, c, model, STEP)
+    state, P = textbook(observer, model, z, measured)
+    n, count = observer.n, observer.count
+    np.testing.assert_allclose(seen.memory["state"], state, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(seen.memory["covariance"], P[np.triu_indices(len(state))], rtol=1e-7, atol=1e-11)
+    np.testing.assert_allclose(seen.x, state[: n + count], rtol=1e-9, atol=1e-11)
+    E = model.output_map(state[:n], c)
+    np.testing.assert_allclose(seen.E, E, rtol=1e-9)
+    np.testing.assert_allclose(seen.y, model.output(state[:n], c), rtol=1e-9)
+    np.testing.assert_allclose(seen.y_rate, E @ state[n : n + count], rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(seen.unexpected, E @ state[n + count :], rtol=1e-9, atol=1e-11)
+    asked, drift = np.arange(1.0, count + 1.0), 0.3 * np.ones(count)
+    after = observer.update(seen, E @ asked + drift, drift, NUMPY)
+    np.testing.assert_allclose(after["acceleration"], asked, rtol=1e-9)
+    assert after["is_running"] == 1.0
+
+
+def test_poles_of_a_measured_coordinate_lie_near_the_rate() -> None:
+    """The platform held at phi = 0 is three chains of integrators: their poles as the samples become fine."""
+    model, rate, step = load_model("mecanum"), 10.0, 0.001
+    observer = KalmanObserver(model, Measurement(model, ["x", "y", "phi"]), rate, model.parameters())
+    c, k = model.known(model.parameters()), SimpleNamespace(**observer.values)
+    z = SimpleNamespace(**observer.states)
+    for _ in range(3000):
+        seen = observer.see(np.zeros(3), z, k, c, model, step)
+        z = SimpleNamespace(**observer.update(seen, np.zeros(3), np.zeros(3), NUMPY))
+    columns = []
+    for error in np.eye(9):
+        z.state, z.acceleration = error, error[6:]  # which takes in what is not expected
+        columns.append(observer.see(np.zeros(3), z, k, c, model, step).memory["state"])
+    poles = np.log(np.linalg.eigvals(np.array(columns).T).astype(complex)) / step
+    np.testing.assert_allclose(np.abs(poles), rate, rtol=0.02)
+    assert (poles.real < 0.0).all()
+
+
+def test_it_begins_as_measured_and_otherwise_as_told() -> None:
+    """Measured coordinates to a millionth, the others from `first`, and at rest; a gap forgets rates only."""
+    model = load_model("car")
+    measurement = Measurement(model, ["y", "x", "phi"])
+    observer = KalmanObserver(model, measurement, 30.0, model.parameters(), 1e-3, {"beta": 0.2})
+    c, k = model.known(model.parameters()), SimpleNamespace(**observer.values)
+    z = SimpleNamespace(**observer.states)
+    seen = observer.see(np.array([5.0, -3.0, 40.0]), z, k, c, model, STEP)
+    np.testing.assert_allclose(seen.x, [-3.0, 5.0, 40.0, 0.2, 0.0, 0.0], atol=1e-12)
+    assert seen.surprise == 0.0
+    after = SimpleNamespace(**observer.update(seen, np.ones(2), np.zeros(2), NUMPY))
+    after.state = after.state + np.array([0.0, 0.0, 0.0, 0.1, 3.0, 3.0, 3.0, 3.0])
+    after.is_running = np.zeros(1)
+    again = observer.see(np.array([5.0, -3.0, 40.0]), after, k, c, model, STEP)
+    np.testing.assert_allclose(again.x, [-3.0, 5.0, 40.0, 0.3, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_heading_that_jumps_by_a_turn_is_the_same() -> None:
+    model = load_model("type_2_0")
+    observer = KalmanObserver(model, Measurement(model, ["x", "y", "phi"]), 30.0, model.parameters())
+    c, k, z = model.known(model.parameters()), SimpleNamespace(**observer.values), SimpleNamespace(**observer.states)
+    for phi in (3.1, 3.13, 3.16 - 2.0 * np.pi, 3.19 - 2.0 * np.pi):
+        seen = observer.see(np.array([0.0, 0.0, phi]), z, k, c, model, STEP)
+        z = SimpleNamespace(**observer.update(seen, np.zeros(2), np.zeros(2), NUMPY))
+        assert abs(seen.x[4]) < 3.0
+        assert seen.surprise < 0.1
+
+
+def experiment(robot: str, folder: Path, more: str = "", duration: float = 1.0, measured: str = "") -> Path:
+    """The shipped track of a robot of which little is measured."""
+    text = find_experiment(f"track_{robot}").read_text()
+    text = text[: text.index("[shared]")]
+    begin = text.index("duration = ")
+    text = text[:begin] + f"duration = {duration}\n" + text[text.index("\n", begin) :]
+    names = ", ".join(f'"{name}"' for name in (measured or FEW[robot]).split())
+    law = f'[controllers.few]\nlaw = "composite"\nreference_rate = 3.0\nmeasured = [{names}]\n{more}\n'
+    file = folder / "few.toml"
+    file.write_text(text + law)
+    return file
+
+
+def test_what_is_measured_here_determines_the_state(robot: str) -> None:
+    assert not undetermined(load_model(robot), FEW[robot].split(), load_model(robot).parameters())
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_few_measured_entries_are_enough_to_follow(robot: str, tmp_path: Path) -> None:
+    """What is observed comes to what is true, and the robot to its reference."""
+    run = wmr_afl.run(experiment(robot, tmp_path, duration=20.0), backend="casadi")["few"]
+    assert run.failure is None
+    assert run.observed is not None
+    late = run.time > 15.0
+    assert np.abs(run.observed - run.state)[late].max() < 0.02
+    assert np.abs(run.rms(since=15.0)).max() < 2e-3
+
+
+@pytest.mark.parametrize("robot", ["car", "type_2_0", "tractor_trailer", "mecanum"])
+def test_all_ways_to_run_give_the_same(robot: str, tmp_path: Path) -> None:
+    """NumPy, CasADi, compiled, a batch of two, and a Controller that is given what is measured and nothing else."""
+    file = experiment(robot, tmp_path)
+    runs = [wmr_afl.run(file, backend=backend)["few"] for backend in ("numpy", "casadi", "compiled")]
+    assert runs[0].failure is None
+    for run in runs[1:]:
+        for signal in ("state", "input", "estimate", "observed", "surprise"):
+            expected = getattr(runs[0], signal)
+            assert np.abs(getattr(run, signal) - expected).max() < 1e-9 * max(1.0, np.abs(expected).max()), signal
+    uncertain = next(name for name, unit in runs[0].model.parameter_units.items() if unit == "kg")
+    batch = wmr_afl.run_batch(file, scale={f"parameters.{uncertain}": [1.0, 1.2]})
+    np.testing.assert_allclose(batch.rms[0], runs[0].rms(), rtol=1e-9)
+    controller = Controller.from_experiment(file)
+    assert controller.measured == tuple(FEW[robot].split())
+    measurement = Measurement(runs[0].model, controller.measured)
+    for t, x, u in zip(runs[0].time, runs[0].state, runs[0].command, strict=True):
+        z = measurement.of(x, runs[0].parameters, runs[0].model)
+        np.testing.assert_allclose(controller.update(t, z), u, rtol=1e-8, atol=1e-8)
+
+
+def test_a_controller_of_the_pose_takes_the_pose_or_all_of_the_state(tmp_path: Path) -> None:
+    """And looks at no velocity then, not even at one that is not a number."""
+    file = experiment("type_2_0", tmp_path, measured="x y phi")
+    first, second, third = (Controller.from_experiment(file) for _ in range(3))
+    for n in range(50):
+        q = np.array([0.01 * n, 0.1, 0.3])
+        u = first.update(STEP * n, q)
+        np.testing.assert_array_equal(second.update(STEP * n, [*q, np.nan, np.nan]), u)
+        np.testing.assert_array_equal(third.update(STEP * n, [*q, 3.0, -4.0]), u)
+    with pytest.raises(WmrError, match=r"expected \(3,\): x, y, phi"):
+        first.update(2.0, [0.0, 0.0])
+
+
+def test_a_robot_of_a_batch_has_an_observer_of_its_own_geometry(tmp_path: Path) -> None:
+    """The wheelbase of each robot is in its observer, too: errors are as small for both."""
+    file = experiment("car", tmp_path, duration=20.0)
+    batch = wmr_afl.run_batch(file, scale={"parameters.a": [1.0, 1.3]}, since=15.0)
+    assert np.all(batch.rms < 1e-3)
+
+
+def lost(folder: Path, law: str, bound: str = "") -> Path:
+    """Voltages ten times too large for an unknown robot without limits."""
+    file = experiment("type_2_0", folder, measured="x y phi", duration=4.0)
+    text = file.read_text().replace('law = "composite"', f"{law}\nobserver = {{ {bound} }}")
+    lines = [line for line in text.splitlines() if not line.startswith("input_limits")]
+    file.write_text("\n".join(lines))
+    return file
+
+
+@pytest.mark.filterwarnings("ignore:few stopped")
+@pytest.mark.parametrize("kind", ['kind = "pose"', 'kind = "kalman"'])
+def test_an_observer_that_is_lost_ends_the_run_with_time_and_cause(kind: str, tmp_path: Path) -> None:
+    """Alike on every backend and in a batch; a run that ends so had surprises below the bound until then."""
+    file = lost(tmp_path, 'law = "frozen"\nguess = { K1 = 1.2 }', kind)
+    runs = [wmr_afl.run(file, backend=backend)["few"] for backend in ("numpy", "casadi", "compiled")]
+    for run in runs:
+        assert run.failure is not None
+        assert "the observer is lost" in run.failure.cause
+        assert run.failure.time == runs[0].failure.time  # type: ignore[union-attr]
+        assert run.surprise is not None
+        assert 0.0 < run.surprise.max() < 1.0
+    batch = wmr_afl.run_batch(file, scale={"parameters.m_C": [1.0]})
+    assert batch.failed[0]
+    wider = file.read_text().replace(kind, f"{kind}, bound = 3.0")
+    file.write_text(wider)
+    later = wmr_afl.run(file)["few"]
+    assert later.failure is None or later.failure.time > runs[0].failure.time  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ('measured = ["x", "y", "phi"]\nmeasures = "pose"', "measures and measured both say"),
+        ("measured = []", "nothing is measured"),
+        ('measured = ["x", "x"]', "x is measured twice"),
+        ('measured = ["x", "speed"]', "unknown entry of the state or motor 'speed'"),
+        ('measured = ["u_r", "u_l"]', "u_r, u_l do not determine x, y, phi, beta; measure x and y and beta, too"),
+        (
+            'measured = ["x", "y", "phi"]',
+            "x, y, phi do not determine beta; measure beta, too, or let the motion carry it along: "
+            "observer.carried = ['beta']",
+        ),
+        ('measured = ["x", "y", "phi"]\nobserver = { carried = ["phi"] }', "observer.carried names phi"),
+        ('measured = ["x", "y", "phi"]\nobserver = { carried = ["wheel"] }', "observer.carried names wheel"),
+        ('measures = "pose"\nobserver = { carried = ["beta"] }', "means nothing where the pose is measured"),
+        ('measures = "pose"\nobserver = { first = { beta = 1.0 } }', "means nothing where the pose is measured"),
+        ('measured = ["x", "y", "beta"]\nobserver = { first = { gamma = 1.0 } }', "unknown coordinate 'gamma'"),
+        ('measured = ["x", "y", "beta"]\nobserver = { deviation = 0.0 }', "choose positive deviations"),
+        ('measured = ["x", "y", "beta"]\nobserver = { deviation = { phi = 1.0 } }', "unknown measured entry 'phi'"),
+        ('measured = ["x", "y", "beta"]\nobserver = { bound = 0.0 }', "greater than 0"),
+    ],
+)
+def test_what_does_not_fit_is_told_with_its_place_and_a_remedy(table: str, words: str, tmp_path: Path) -> None:
+    file = experiment("type_2_0_caster", tmp_path)
+    text = file.read_text()
+    file.write_text(text[: text.index("[controllers.few]")] + f'[controllers.mine]\nlaw = "composite"\n{table}\n')
+    with pytest.raises(WmrError, match="mine") as caught:
+        load_experiment(file)
+    assert words in str(caught.value)
+
+
+def test_what_the_motion_carries_along_need_not_be_measured(tmp_path: Path) -> None:
+    """A caster's angle that is told wrongly by half a radian: it comes to the truth as the robot drives."""
+    more = 'observer = { carried = ["beta"], first = { beta = 0.5 } }'
+    file = experiment("type_2_0_caster", tmp_path, more, 10.0, "x y phi")
+    run = wmr_afl.run(file, backend="casadi")["few"]
+    assert run.observed is not None
+    assert abs(run.observed[0, 3] - run.state[0, 3]) > 0.1
+    assert abs(run.observed[-1, 3] - run.state[-1, 3]) < 1e-3
+    assert run.failure is None

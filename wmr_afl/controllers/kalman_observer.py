@@ -1,0 +1,194 @@
+"""The whole state, and what nobody modelled, from whatever of the state is measured: an extended Kalman filter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wmr_afl.controllers.groups import inner
+from wmr_afl.controllers.observer import Observer, Seen
+from wmr_afl.controllers.outer_loop import within_half_a_turn
+from wmr_afl.model.measurement import Measurement
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.linear_algebra import entries, solve
+from wmr_afl.numerics.parts import Fault
+from wmr_afl.numerics.vectors import by_name, told
+from wmr_input.fields import Named
+
+SMALL = 1e-3  # [m, rad], the noise of a coordinate unless told; of rates it is this at the observer's rate
+UNKNOWN = 1.0  # [m, rad; m/s, rad/s; m/s^2, rad/s^2], how far off may be at the start what nobody has measured yet
+
+
+class KalmanObserver(Observer):
+    """q^, v^ and delta^ of a robot of which z = [entries of q and v; rates of motors X(q) v] is measured.
+
+        q' = S(q) v        v' = a + delta        delta' = white noise                                       (3), (10)
+
+    a is what the law expects of the voltages that reach the motors, delta what it does not; d^ = E delta^. From sample
+    to sample, T after the last one, F the derivative of the step by the state and Q the noise of delta:
+
+        q^ += T S(q_m) v_m      q_m = q^ + T/2 S(q^) v^     v_m = v^ + T/2 a      v^ += T a      P = F P F^T + Q
+
+    and then, one measured entry after the other, h its row and r its noise: i = z - h x^ (angles the shorter way),
+
+        x^ += P h^T i/(h P h^T + r^2)        P -= P h^T h P/(h P h^T + r^2)
+
+    Q = rate^6 r_q^2 T^2 puts the poles of a measured coordinate near `rate` [1/s]; r_q is the smallest noise of a
+    coordinate, or of a rate over `rate`. Where z says nothing the motion goes on as S tells, as of a coordinate that is
+    carried along. At the first sample v^ = delta^ = 0, measured coordinates are as measured, others as `first`
+    says or as they were before a gap. `p` (n_p,): parameters of S and X, which are geometry; `deviation` [units of z].
+
+    Raises:
+        WmrError: if the rate or a deviation is not positive.
+        UnknownNameError: if `first` names no coordinate.
+
+    References: Kalman filter of a nonlinear system, linearized along its estimate, as in Gelb (ed.), Applied Optimal
+    Estimation, MIT Press 1974.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        measurement: Measurement,
+        rate: float,
+        p: ArrayLike,
+        deviation: Named | None = None,
+        first: Mapping[str, float] | None = None,
+        bound: float = np.inf,
+    ) -> None:
+        self.measurement: Measurement = measurement
+        self.rate, self.bound = np.array([float(rate)]), np.array([float(bound)])
+        self.n, self.count = model.coordinate_count, model.pseudo_velocity_count
+        self.deviation = np.array(measurement.deviations(deviation, SMALL, SMALL * float(rate)))
+        self.p = np.array(p, dtype=float)
+        coordinates = list(model.state_units)[: self.n]
+        self.first = by_name("coordinate", dict(first or {}), coordinates, missing=0.0)
+        self._inputs = len(model.input_units)
+        self.check_numbers()
+
+    @property
+    def values(self) -> dict[str, Floats]:
+        return {"rate": self.rate, "bound": self.bound, "deviation": self.deviation, "p": self.p}
+
+    @property
+    def states(self) -> dict[str, Floats]:
+        size = self.n + 2 * self.count
+        state = np.concatenate([self.first, np.zeros(2 * self.count)])
+        return {
+            "state": state,  # [q^; v^; delta^]
+            "covariance": np.zeros(size * (size + 1) // 2),  # upper half of P, row by row
+            "acceleration": np.zeros(self.count),  # a + delta^
+            "is_running": np.zeros(1),
+        }
+
+    def faults(self, k: SimpleNamespace) -> Iterator[Fault]:
+        yield from super().faults(k)
+        yield (
+            np.any(~(np.isfinite(k.deviation) & (k.deviation > 0)), axis=-1),
+            lambda k: (f"the noise of what is measured is {told(k.deviation)}", "choose positive deviations"),
+        )
+
+    def see(self, x: Array, z: SimpleNamespace, k: SimpleNamespace, c: Array, model: Model, step: Array) -> Seen:
+        """What this sample tells; x is z of the measurement, (len(z),)."""
+        arrays, n, count = model.arrays, self.n, self.count
+        passed, runs = arrays.where(step > 0.0, step, 1.0), z.is_running[0]
+        state, P = self._predicted(z, k, model, passed)
+        at_start, P_at_start = self._at_start(x, z, k)
+        state = [runs * a + (1.0 - runs) * b for a, b in zip(state, at_start, strict=True)]
+        P = [
+            [runs * P[i][j] + ((1.0 - runs) * P_at_start[i] if i == j else 0.0) for j in range(len(P))]
+            for i in range(len(P))
+        ]
+        surprise, coordinates = 0.0, self.measurement.coordinates.values()
+        rows = self.measurement.rows(arrays.vector(state[:n]), k.p, model)
+        for m, row in enumerate(rows):
+            innovation = x[m] - sum(weight * state[i] for i, weight in row.items())
+            if self.measurement.is_angle[m]:
+                innovation = within_half_a_turn(innovation, arrays)
+            state, P = _corrected(state, P, row, innovation, k.deviation[m] * k.deviation[m])
+            if m in coordinates:
+                surprise = arrays.maximum(surprise, arrays.absolute(innovation))
+        q, v, delta = (arrays.vector(part) for part in (state[:n], state[n : n + count], state[n + count :]))
+        E = model.output_map(q, c)
+        y, y_rate = model.output(q, c), E @ v
+        memory = {"state": arrays.vector(state), "covariance": _packed(P, arrays)}
+        return Seen(arrays.join([q, v]), y, y_rate, E @ delta, E, runs * surprise, memory)
+
+    def _predicted(
+        self, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
+    ) -> tuple[list[Array], list[list[Array]]]:
+        """[q^; v^; delta^] and P one step after the last sample."""
+        arrays, n, count = model.arrays, self.n, self.count
+        q, v, delta = z.state[:n], z.state[n : n + count], z.state[n + count :]
+        v_mid = v + 0.5 * step * z.acceleration
+        q_mid = q + 0.5 * step * (model.kinematic_matrix(q, k.p) @ v)
+        zero = arrays.vector([0.0] * self._inputs), arrays.vector([0.0] * count)
+        by_x = model.state_jacobian(arrays.join([q_mid, v_mid]), *zero, k.p)  # its upper rows: of S v by q and by v
+        S = [[by_x[i, n + j] for j in range(count)] for i in range(n)]
+        moved = [q[i] + step * inner(S[i], [v_mid[j] for j in range(count)]) for i in range(n)]
+        moved += [v[j] + step * z.acceleration[j] for j in range(count)] + [delta[j] for j in range(count)]
+        size = n + 2 * count
+        F: list[list[Array]] = [[1.0 if i == j else 0.0 for j in range(size)] for i in range(size)]
+        for i in range(n):
+            for j in range(n):
+                F[i][j] = F[i][j] + step * by_x[i, j]
+            for j in range(count):
+                F[i][n + j] = step * S[i][j]
+                F[i][n + count + j] = 0.5 * step * step * S[i][j]
+        for j in range(count):
+            F[n + j][n + count + j] = step
+        matrix = arrays.matrix(F)
+        P = entries(matrix @ arrays.matrix(_unpacked(z.covariance, size)) @ matrix.T)
+        rate, finest = k.rate[0], k.deviation[self._finest]
+        if self._finest not in self.measurement.coordinates.values():
+            finest = finest / rate
+        noise = (rate * rate * rate * finest * step) ** 2
+        for j in range(n + count, size):
+            P[j][j] = P[j][j] + noise
+        return moved, P
+
+    @property
+    def _finest(self) -> int:
+        """The entry of z with the least noise, that of a rate over the observer's rate."""
+        coordinates = self.measurement.coordinates.values()
+        scaled = [r if m in coordinates else r / self.rate[0] for m, r in enumerate(self.deviation)]
+        return int(np.argmin(scaled))
+
+    def _at_start(self, x: Array, z: SimpleNamespace, k: SimpleNamespace) -> tuple[list[Array], list[Array]]:
+        """[q^; v^; delta^] and the diagonal of P before the first sample is taken in."""
+        places = self.measurement.coordinates
+        q = [x[places[i]] if i in places else z.state[i] for i in range(self.n)]
+        return q + [0.0] * (2 * self.count), [UNKNOWN * UNKNOWN] * (self.n + 2 * self.count)
+
+    def update(self, seen: Seen, acceleration: Array, drift: Array, arrays: Arrays) -> dict[str, Array]:
+        return {
+            **seen.memory,
+            "acceleration": solve(seen.E, acceleration - drift, arrays),
+            "is_running": arrays.vector([1.0]),
+        }
+
+
+def _corrected(
+    state: list[Array], P: list[list[Array]], row: dict[int, Array], innovation: Array, variance: Array
+) -> tuple[list[Array], list[list[Array]]]:
+    """What one measured number changes that was missed by `innovation`."""
+    size = range(len(state))
+    Ph = [sum(P[i][j] * weight for j, weight in row.items()) for i in size]
+    total = variance + sum(weight * Ph[i] for i, weight in row.items())
+    gain = [entry / total for entry in Ph]
+    corrected = [state[i] + gain[i] * innovation for i in size]
+    rows = [[P[min(i, j)][max(i, j)] - gain[min(i, j)] * Ph[max(i, j)] for j in size] for i in size]
+    return corrected, rows
+
+
+def _packed(P: list[list[Array]], arrays: Arrays) -> Array:
+    return arrays.vector([P[i][j] for i in range(len(P)) for j in range(i, len(P))])
+
+
+def _unpacked(packed: Array, size: int) -> list[list[Array]]:
+    starts = [i * size - i * (i - 1) // 2 - i for i in range(size)]
+    return [[packed[starts[min(i, j)] + max(i, j)] for j in range(size)] for i in range(size)]

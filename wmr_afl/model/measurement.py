@@ -1,0 +1,70 @@
+"""What of a robot is measured: entries of its state, and rates of its motors as their encoders tell them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from wmr_afl.errors import UnknownNameError, WmrError
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Array
+from wmr_afl.numerics.linear_algebra import entries
+from wmr_afl.numerics.vectors import by_name
+from wmr_input.fields import Named
+
+
+class Measurement:
+    """z = [entries of q and v; rates of motors X(q) v (10)], by name and in the order given; motors by their inputs.
+
+    Raises:
+        UnknownNameError: if a name is neither an entry of the state nor a motor.
+        WmrError: if nothing is measured, or something twice.
+    """
+
+    def __init__(self, model: Model, names: Sequence[str]) -> None:
+        states, motors = list(model.state_units), list(model.input_units)
+        for name in names:
+            if name not in (*states, *motors):
+                raise UnknownNameError("entry of the state or motor", name, [*states, *motors])
+        twice = next((name for n, name in enumerate(names) if name in names[:n]), None)
+        if not names or twice is not None:
+            problem = "nothing is measured" if twice is None else f"{twice} is measured twice"
+            raise WmrError(problem, "name each entry of the state or motor that is measured, once")
+        self.names = tuple(names)
+        self._states = [states.index(name) if name in states else None for name in names]
+        self._motors = [motors.index(name) if name in motors else None for name in names]
+        self._coordinates = model.coordinate_count
+        radian = {name for name, unit in model.state_units.items() if unit == "rad"}
+        self.is_angle = [name in radian and states.index(name) < self._coordinates for name in names]
+
+    @property
+    def coordinates(self) -> dict[int, int]:
+        """Which entry of z holds a coordinate, by the index of the coordinate."""
+        return {i: n for n, i in enumerate(self._states) if i is not None and i < self._coordinates}
+
+    def picked(self, x: Array) -> Array | None:
+        """z out of the state as it is measured (2n-m,); None if motors' rates are measured, too."""
+        return None if None in self._states else x[[i for i in self._states if i is not None]]
+
+    def of(self, x: Array, p: Array, model: Model) -> Array:
+        """z of a robot in state x (2n-m,) with parameters p (n_p,)."""
+        rows = self.rows(x[: self._coordinates], p, model)
+        return model.arrays.vector([sum(weight * x[i] for i, weight in row.items()) for row in rows])
+
+    def rows(self, q: Array, p: Array, model: Model) -> list[dict[int, Array]]:
+        """Each entry of z as a sum over entries of x: by index the weight, 1 or an entry of X(q)."""
+        rates: list[list[Array]] = []
+        if any(motor is not None for motor in self._motors):
+            rates = entries(model.actuator_rates_matrix(q, p))
+        return [
+            {i: 1.0} if i is not None else {self._coordinates + j: weight for j, weight in enumerate(rates[motor or 0])}
+            for i, motor in zip(self._states, self._motors, strict=True)
+        ]
+
+    def deviations(self, given: Named | None, coordinate: float, rate: float) -> list[float]:
+        """The noise of each entry of z: as `given`, else that of a coordinate [m, rad] or of a rate [m/s, rad/s]."""
+        usual = [coordinate if i is not None and i < self._coordinates else rate for i in self._states]
+        if given is None:
+            return usual
+        if isinstance(given, dict):
+            given = {**dict(zip(self.names, usual, strict=True)), **given}
+        return [float(value) for value in by_name("measured entry", given, self.names)]

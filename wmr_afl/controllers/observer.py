@@ -32,6 +32,8 @@ class ObserverTable(Table):
     predict: bool = False  # whether the law goes by where the outputs will be when a late drive carries its command out
     bound: Positive = 1.0  # [m, rad], by how much a sample may surprise; beyond, the observer is lost
     deviation: Named | None = None  # of "kalman": noise of what is measured; its ratios matter
+    slip: bool = True  # of "kalman", whether wheels may slip; only where all of q is measured
+    slip_rate: Positive | None = None  # of "kalman" [1/s], how fast slip may change; a quarter of `rate` unless given
     carried: list[str] = Field(
         default_factory=list
     )  # of "kalman": entries that nothing tells; the motion carries them along

@@ -46,6 +46,7 @@ from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_input.errors import mistakes_at
 
 FEWEST = 10.0  # samples in the memory of least squares
+SLOWER_SLIP = 4.0  # times than the rest of what is observed slip is thought to change
 
 
 def assemble(experiment: Experiment, file: Path) -> dict[str, ClosedLoop]:
@@ -215,16 +216,20 @@ class _Assembly:
         model, rate = self.model, table.observer_rate(self.experiment.simulation.sample_time)
         measured = table.entries_measured(model)
         if not table.is_kalman(model):
-            for key in ("deviation", "carried", "first"):
+            for key in ("deviation", "slip", "slip_rate", "carried", "first"):
                 if key in given.model_fields_set:
                     raise WmrError(f"observer.{key} means nothing where the pose is measured", 'add kind = "kalman"')
             pose, sees_v = list(model.state_units)[: model.coordinate_count], len(measured) == len(model.state_units)
             seen = None if sees_v else Measurement(model, pose)
             return PoseObserver(len(model.output_units), rate, sees_v, given.bound, seen)
         p = numbers["observer.p"]
-        observer = KalmanObserver(
-            model, Measurement(model, measured), rate, p, given.deviation, given.first, given.bound
-        )
+        sees = Measurement(model, measured)
+        slip_rate = None
+        if given.slip and len(sees.coordinates) == model.coordinate_count:
+            slip_rate = given.slip_rate or rate / SLOWER_SLIP
+        elif given.slip_rate is not None:
+            raise WmrError("observer.slip_rate means nothing where q is measured in part", "remove it, or measure q")
+        observer = KalmanObserver(model, sees, rate, p, given.deviation, given.first, given.bound, slip_rate)
         for name in given.carried:
             if name not in model.state_units or name in measured:
                 raise WmrError(f"observer.carried names {name}", "name entries of the state that are not measured")

@@ -27,21 +27,23 @@ class KalmanObserver(Observer):
 
         q' = S(q) v + G(q) sigma      v' = a + delta      sigma', delta' = white noise                      (3), (10)
 
-    a is what the law expects of the voltages that reach the motors, delta what it does not, sigma slip: G = A(q)^T, across
-    wheels, and S(q) beside it if rates are measured, too. y'^ = J_h q'^, d^ = E delta^, and the v^ that a law goes by is
-    E^-1 y'^. From sample to sample, T after the last one, F the derivative of the step by the state, Q the noise:
+    a is what the law expects of the voltages that reach the motors, delta what it does not, sigma slip: G = A(q)^T,
+    across wheels, and S(q) beside it if rates are measured, too. y'^ = J_h q'^, d^ = E delta^, and the v^ that a law
+    goes by is E^-1 y'^. From sample to sample, T after the last one, F the derivative of the step by the state, Q the
+    noise:
 
-        q^ += T (S(q_m) v_m + G(q_m) sigma^)     q_m = q^ + T/2 q'^     v_m = v^ + T/2 a     v^ += T a     P = F P F^T + Q
+        q^ += T (S(q_m) v_m + G(q_m) sigma^)      q_m = q^ + T/2 q'^      v_m = v^ + T/2 a
+        v^ += T a                                 P = F P F^T + Q
 
     and then, one measured entry after the other, h its row and r its noise: i = z - h x^ (angles the shorter way),
 
-        x^ += P h^T i/(h P h^T + r^2)        P -= P h^T h P/(h P h^T + r^2)
+        x^ += P h^T i/(h P h^T + r^2)             P -= P h^T h P/(h P h^T + r^2)
 
-    Q = (rate^3 r_q T)^2 of delta puts the poles of a measured coordinate near `rate` [1/s]; r_q is the smallest noise of a
-    coordinate, or of a rate over `rate`. Q = (slip_rate^2 r_q T)^2 of sigma, which is zero without `slip_rate` [1/s].
-    Where z says nothing the motion goes on as S tells, as of a coordinate that is carried along. At the first sample
-    v^ = sigma^ = delta^ = 0, measured coordinates are as measured, others as `first` says or as before a gap. `p` (n_p,):
-    parameters of A, S and X, which are geometry; `deviation` [units of z].
+    Q = (rate^3 r_q T)^2 of delta puts the poles of a measured coordinate near `rate` [1/s]; r_q is the smallest noise
+    of a coordinate, or of a rate over `rate`. Q = (slip_rate^2 r_q T)^2 of sigma, which is zero without `slip_rate`
+    [1/s]. Where z says nothing the motion goes on as S tells, as of a coordinate that is carried along. At the first
+    sample v^ = sigma^ = delta^ = 0, measured coordinates are as measured, others as `first` says or as before a gap.
+    `p` (n_p,): parameters of A, S and X, which are geometry; `deviation` [units of z].
 
     Raises:
         WmrError: if a rate or a deviation is not positive.

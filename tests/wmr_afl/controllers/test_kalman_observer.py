@@ -30,7 +30,7 @@ FEW = {  # what is measured of a robot instead of its state, often neither headi
 
 
 def random_filter(model: Model, names: list[str]) -> tuple[KalmanObserver, SimpleNamespace, Floats]:
-    """An observer in the middle of its work, its states at random, and what is measured next; with slip if all of q is."""
+    """An observer in the middle of its work, its states at random, and what is measured next; slips if all of q is."""
     random, p = np.random.default_rng(7), model.parameters()
     measurement = Measurement(model, names)
     deviation = {name: 0.01 * (n + 1.0) for n, name in enumerate(names)}

@@ -110,7 +110,7 @@ def test_a_disturbance_acts_on_the_channel_that_is_named(model: Model, situation
 
 def test_slip_moves_the_root_and_nothing_else(model: Model, situation: Situation) -> None:
     """What is added to x' is rU [-sin phi, cos phi, 0 ...]^T (96)."""
-    added = LateralSlip(model, "0.1*t").rate(3.0, situation.x[0], NOTHING, model)
+    added = LateralSlip(model, "0.1*t").rate(3.0, situation.x[0], situation.p[0], NOTHING, model)
     phi = situation.q[0][2]
     expected = np.zeros(len(model.state_units))
     expected[:2] = 0.1 * 3.0 * np.array([-np.sin(phi), np.cos(phi)])
@@ -368,7 +368,7 @@ def test_tables_build_what_they_say_in_the_order_in_which_it_acts(model: Model) 
     assert (friction.place.on_wheels, friction.is_literal) == (True, False)
     assert disturbance.place.on_wheels
     x = np.zeros(len(model.state_units))
-    assert slip.rate(1.5, x, NOTHING, model)[1] == 3.0
+    assert slip.rate(1.5, x, p, NOTHING, model)[1] == 3.0
     np.testing.assert_array_equal(payload.values["time"], [2.0])
     np.testing.assert_array_equal(payload.values["parameters"], model.parameters(**{uncertain: 7.0}))
     if known is not None:

@@ -1,4 +1,4 @@
-"""How wheels slip: the speeds of contacts that rolling holds at zero, and what motors turn, in the coordinates' rates."""
+"""How wheels slip: speeds of contacts that rolling holds at zero, and what motors turn, in the coordinates' rates."""
 
 from __future__ import annotations
 

@@ -65,6 +65,7 @@ class Law(Fixed):
     adapts: bool  # whether its estimates move
     knows_deviation: bool = False  # of its estimates
     observes: bool = False  # whether it goes by what an observer makes of the pose
+    slip_names: tuple[str, ...] = ()  # of what it measures of slip, in order
     lead: float = 0.0  # [s]: how much later than now the reference counts that it is given
 
     @property

@@ -121,6 +121,7 @@ class PassivityLaw(Law):
         self.projection = projection or Projection(len(knowledge.theta_hat))
         self.sight = sight or Sight()
         self.observes, self.lead = self.sight.observer is not None, self.sight.lead
+        self.slip_names = self.sight.slip_names
         own = (self.error, self.reference_model, self.effort, direct, least_squares, self.projection)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 

@@ -27,6 +27,7 @@ class ObserverTable(Table):
     ramp: Positive = 2.0  # [s], how slowly cancelling begins
     band: Positive = 1.0  # tau_d [s]: slower mismatch still teaches the estimates
     predict: bool = False  # whether the law goes by where the outputs will be when a late drive carries its command out
+    slip_rate: Positive | None = None  # [1/s], how fast measured slip follows, a sixth of `rate` unless given
 
 
 @dataclass(frozen=True)

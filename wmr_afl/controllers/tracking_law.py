@@ -75,6 +75,7 @@ class TrackingLaw(Law):
         self.last = LastRegressor(len(model.output_units), len(knowledge.units)) if is_late else None
         self.sight = sight or Sight()
         self.observes, self.lead = self.sight.observer is not None, self.sight.lead
+        self.slip_names = self.sight.slip_names
         own = (self.outer_loop, self.linearizing, *adapting, self.robust, self.reference_model, self.last)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 

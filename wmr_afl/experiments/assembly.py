@@ -25,6 +25,7 @@ from wmr_afl.controllers.reference import Reference, ReferenceTable
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
 from wmr_afl.controllers.sight import Sight
+from wmr_afl.controllers.slip_meter import SlipMeter
 from wmr_afl.controllers.tables import KAPPA, LINEARIZING, PASSIVE, ControllerTable
 from wmr_afl.controllers.tracking_law import TrackingLaw
 from wmr_afl.controllers.under_way import CommandsUnderWay
@@ -185,10 +186,10 @@ class _Assembly:
                 )
         rates = table.rates(step, 0.0 if late is None else late.seconds)
         with self.at(f"[controllers.{name}]"):
-            sight = self._sight(table)
+            sight = self._sight(table, numbers)
             return PassivityLaw(knowledge, *rates, effort, direct, least_squares, projection, sight)
 
-    def _sight(self, table: ControllerTable) -> Sight:
+    def _sight(self, table: ControllerTable, numbers: Numbers) -> Sight:
         """What looks at the pose, and what is made of it."""
         given, step = table.observing, self.experiment.simulation.sample_time
         if given is None:
@@ -204,7 +205,8 @@ class _Assembly:
         under_way = None
         if late is not None and table.law != "linearizing":  # that law expects what the applied voltages do
             under_way = CommandsUnderWay(outputs, round(late.seconds / step), step, given.predict)
-        return Sight(observer, cancelling, under_way)
+        meter = SlipMeter(self.model, numbers["slip.p"], table.slip_rate(step), table.measures == "state")
+        return Sight(observer, cancelling, under_way, meter if meter.names else None)
 
     def _linearizing(self, name: str, table: ControllerTable, place: Callable[[str], str]) -> TrackingLaw:
         model = self.model
@@ -223,7 +225,7 @@ class _Assembly:
             rate, outputs = table.reference_rate, len(model.output_units)
             reference_model = None if rate is None else ReferenceModel(outputs, rate)
             return TrackingLaw(
-                knowledge, outer_loop, linearizing, adaptation, robust, reference_model, self._sight(table)
+                knowledge, outer_loop, linearizing, adaptation, robust, reference_model, self._sight(table, numbers)
             )
 
     def _adaptation(self, name: str, table: ControllerTable, numbers: Numbers) -> GradientAdaptation | None:

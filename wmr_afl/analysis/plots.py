@@ -238,10 +238,11 @@ def _slip(run: Run, measured: Floats) -> Figure:
     figure = new_figure(7.0, 0.9 + 1.3 * count)
     panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
     for index, (axes, name) in enumerate(zip(panels, run.slip_names, strict=True)):
-        axes.plot(run.time, measured[:, index], label="measured", **style_of(1))
         if run.slip_true is not None:
-            axes.plot(run.time, run.slip_true[:, index], label="of the robot", **style_of(0))
-        axes.set(ylabel="slip of\n" + verbatim(f"{name} [m/s]"))
+            axes.plot(run.time, run.slip_true[:, index], label="of the robot", **REFERENCE)
+        axes.plot(run.time, measured[:, index], label="measured", **style_of(0))
+        wheel, _, direction = name.rpartition(" ")
+        axes.set(ylabel=verbatim(wheel) + f" slips\n{direction} [m/s]")
     panels[-1].set(xlabel="time [s]")
     panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     figure.align_ylabels(panels)

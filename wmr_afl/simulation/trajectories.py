@@ -37,7 +37,8 @@ def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterat
     Datasets: time (T,), state (N, T, 2n-m), input and command (N, T, n_u), error and reference (N, T, n-m), estimate
     (N, T, n_theta), failure_time (N,); of a law that knows it deviation; of one that observes observed, unexpected and
     slip, and slip_true where wheels slip. Their attribute `names` lists the entries with units. A run that failed has
-    its failure_time, NaN in the others, and NaN in all signals from then on. If writing fails, the file at `path` stays.
+    its failure_time, NaN in the others, and NaN in all signals from then on. If writing fails, what was at `path`
+    stays.
 
     Raises:
         WmrError: if h5py is not installed, or the file cannot be written.

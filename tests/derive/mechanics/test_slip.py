@@ -39,7 +39,7 @@ def test_nothing_in_it_is_eliminated(derivation: Derivation) -> None:
         ((wheel("one"),), (), 1),
         ((wheel("one", **SWEDISH),), (), 0),
         ((wheel("one", at=("a", "b"), **SWEDISH), motor("one")), (), 1),
-        ((wheel("one", at=("a", "b"), heading="0.3"), motor("one")), (), 2),
+        ((wheel("one", at=("a", "b"), heading="pi/6"), motor("one")), (), 2),
         ((steered("fork", ("a", "0"), "2*beta"), wheel("one", "fork", ("e", "0")), motor("fork")), ("beta",), 2),
         ((steered("arm", ("a", "0"), "beta"), part("bodies", frame="arm", at=("e", "0"), mass="m", inertia="I"),
           motor("arm")), ("beta",), 1),

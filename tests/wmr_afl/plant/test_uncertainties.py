@@ -28,7 +28,7 @@ ALONE = {
     "limits": "input_limits = { volts = 3.0 }",
     "delay": "input_delay = { seconds = 0.04 }",
     "slip": 'lateral_slip = { speed = "0.1*(step(t - 1) - step(t - 2))" }',
-    "slip of a wheel": 'wheel_slip = { right = { sideways = "0.1*step(t - 1)" }, left = { along = "0.05*step(t - 2)" } }',
+    "slip of wheels": 'wheel_slip = { right = { sideways = "0.1*step(t - 1)" }, left = { along = "t*step(t - 2)" } }',
     "payload": "payload = { time = 1.5, parameters = { m_C = 72.0 } }",
 }
 
@@ -45,7 +45,7 @@ def experiment(tmp_path: Path, uncertainties: str, duration: float = 3.0) -> Pat
 BEGINS = {  # [s], when it first acts; the others do from the start on
     "disturbance on wheels": 1.0,
     "slip": 1.0,
-    "slip of a wheel": 1.0,
+    "slip of wheels": 1.0,
     "payload": 1.5,
 }
 

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import wmr_afl
-from tests.derive.descriptions import derived, motor, robot, wheel
+from tests.conftest import ROBOTS
+from tests.derive.descriptions import derived, motor, wheel
+from tests.derive.descriptions import robot as described
 from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.experiments.experiment import find_experiment
 from wmr_afl.experiments.load import load_experiment
@@ -75,7 +77,8 @@ def test_other_wheels_stay_without_slip_where_they_can(situation: Situation) -> 
             np.testing.assert_allclose(rows @ found, rows @ expected, atol=1e-6)
         for other in range(Z.shape[1]):
             if other != row and is_free_of(model, row, other, situation):
-                left = [rows[other] @ slipping(slip, x, p, model) for x, p, rows in zip(situation.x, situation.p, Z)]
+                every = zip(situation.x, situation.p, Z, strict=True)
+                left = [rows[other] @ slipping(slip, x, p, model) for x, p, rows in every]
                 np.testing.assert_allclose(left, 0.0, atol=1e-8)
 
 
@@ -138,7 +141,9 @@ def track(name: str, folder: Path, uncertainties: str, duration: float = 1.0, in
     return file
 
 
-@pytest.mark.parametrize("integrator", ["euler", "rk4"])
+@pytest.mark.parametrize(
+    ("robot", "integrator"), [*((robot, "euler") for robot in ROBOTS), ("type_2_0", "rk4"), ("mecanum", "rk4")]
+)
 def test_all_backends_give_the_same_run(robot: str, integrator: str, tmp_path: Path) -> None:
     """One wheel of every robot slips; batches are as many runs."""
     wheel_, direction = next(iter(wheel_rows(load_model(robot)))).split()
@@ -194,14 +199,14 @@ def test_as_many_wheels_slip_as_the_robot_moves_in_ways(situation: Situation) ->
         given = more
         rows.append(row)
     slip = WheelSlip(model, given, model.parameters())
-    speeds = {row: speed for row, speed in zip(slip.rows.values(), slip._speeds(0.0)[0], strict=True)}
+    speeds = dict(zip(slip.rows.values(), slip._speeds(0.0)[0], strict=True))
     for x, p in zip(situation.x, situation.p, strict=True):
         found = model.slip_matrix(x[:n], p) @ slipping(slip, x, p, model)
         np.testing.assert_allclose([found[row] for row in rows], [speeds[row] for row in rows], rtol=1e-10)
 
 
 def test_of_a_passive_pair_rollers_do_not_slip_and_free_wheels_do(tmp_path: Path) -> None:
-    text = robot(wheel("free", at=("0", "b"), roller_angle="pi/4"), wheel("rear", at=("-a", "0")), motor("rear"))
+    text = described(wheel("free", at=("0", "b"), roller_angle="pi/4"), wheel("rear", at=("-a", "0")), motor("rear"))
     model = load_model(derived(text, tmp_path))
     with pytest.raises(WmrError, match="free rolls freely: it does not slip"):
         WheelSlip(model, told(free_along="1"), model.parameters())
@@ -210,7 +215,7 @@ def test_of_a_passive_pair_rollers_do_not_slip_and_free_wheels_do(tmp_path: Path
 
 def test_what_no_row_sees_is_held(tmp_path: Path) -> None:
     """A body with one wheel may turn about its contact: it does not."""
-    model = load_model(derived(robot(wheel("one"), motor("one")), tmp_path))
+    model = load_model(derived(described(wheel("one"), motor("one")), tmp_path))
     slip = WheelSlip(model, told(one_sideways="2"), model.parameters())
     x = np.array([1.0, 2.0, 0.4, 0.3, 0.2])
     b = slipping(slip, x, model.parameters(), model)

@@ -122,6 +122,15 @@ def test_it_follows_as_the_time_that_passed_says() -> None:
         np.testing.assert_allclose(read, np.stack([expected, expected], axis=1), atol=1e-12)
 
 
+def test_the_first_sample_is_looked_at_where_the_robot_is() -> None:
+    """Not half way from the origin, where Z or S may have no value."""
+    model, places = load_model("type_2_0"), list[Floats]()
+    meter, truth = SlipMeter(model, model.parameters(), RATE), model.slip_matrix
+    model.slip_matrix = lambda q, p: places.append(q) or truth(q, p)
+    reads(meter, [np.array([2.0, 4.0, 1.0, 0.0, 0.0]), np.array([2.0, 5.0, 2.0, 0.0, 0.0])], model)
+    np.testing.assert_allclose(places, [[2.0, 4.0, 1.0], [2.0, 4.5, 1.5]])
+
+
 def test_a_millimetre_of_noise_reads_as_millimetres_a_second() -> None:
     """(1 - B)/T sqrt(2/(1 + B)) of the noise, B = exp(-rate T): 4.9 mm/s at the usual rate."""
     model, random = load_model("type_2_0"), np.random.default_rng(2)

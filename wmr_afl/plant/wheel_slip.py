@@ -94,7 +94,9 @@ class WheelSlip(Uncertainty):
         """Check that told rows can have any speeds, at some of a few random configurations."""
         names, n = list(self.rows), model.coordinate_count
         q = np.random.default_rng(0).uniform(-1.0, 1.0, (PLACES, n))
-        rows = np.asarray(model.slip_matrix(q, parameters))[:, list(self.rows.values())]
+        with np.errstate(all="ignore"):
+            rows = np.asarray(model.slip_matrix(q, parameters))[:, list(self.rows.values())]
+        rows = rows[np.isfinite(rows).all(axis=(1, 2))]
         for count in range(2, len(names) + 1):
             if _independent(rows[:, :count]):
                 continue
@@ -147,7 +149,7 @@ def _checked(name: tuple[str, str], text: str) -> str:
 
 def _independent(rows: Floats) -> bool:
     """Whether rows (places, count, n) have full rank at one of the places at least."""
-    if rows.shape[1] > rows.shape[2]:
-        return False
+    if rows.shape[1] > rows.shape[2] or not len(rows):
+        return not len(rows)  # with parameters that no robot can have nothing is told
     values = np.linalg.svd(rows, compute_uv=False)
     return bool(np.any(values[:, -1] > ALIKE * values[:, 0]))

@@ -220,7 +220,8 @@ def test_the_slip_of_the_study_is_read_and_written(tmp_path: Path) -> None:
         np.testing.assert_allclose(at["slipping"][:, :2], 0.1, atol=1e-3)
         assert np.abs(at["slipping"][:, 2:]).max(initial=0.0) < 2e-3
         expected = 0.1 * ((run.time >= 5.0) & (run.time < 8.0))
-        np.testing.assert_allclose(run.slip_true[:, 0], expected, atol=1e-12)
+        np.testing.assert_allclose(run.slip_true[:, :2], np.stack([expected, expected], axis=1), atol=1e-12)
+        np.testing.assert_allclose(run.slip_true[:, 2:], 0.0, atol=1e-12)
     assert runs["frozen, w = 40"].slip is None
     run = runs["pose"]
     names = ["slip_right sideways [m/s]", "slip_left sideways [m/s]"]

@@ -2,7 +2,7 @@
 
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_origin
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
@@ -139,13 +139,19 @@ def _keys(schema: type[BaseModel], location: tuple[int | str, ...]) -> list[str]
     for part in location:
         if isinstance(current, type) and issubclass(current, BaseModel):
             field = current.model_fields.get(str(part))
-            current = field.annotation if field else None
+            current = field.annotation if field else _of_others(current)
         else:  # an entry of a list or a table: its element type
             current = (get_args(current) or (None,))[-1]
         current = _without_none(current)
     if isinstance(current, type) and issubclass(current, BaseModel):
         return [field.alias or name for name, field in current.model_fields.items()]
     return []
+
+
+def _of_others(schema: type[BaseModel]) -> Any:
+    """The type of the values of a table whose keys are free; None if they are not."""
+    is_free = schema.model_config.get("extra") == "allow"
+    return get_args(get_type_hints(schema)["__pydantic_extra__"])[-1] if is_free else None
 
 
 def _without_none(annotation: Any) -> Any:

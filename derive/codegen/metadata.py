@@ -41,6 +41,7 @@ class Metadata:
     passivity_groups: list[dict[str, Any]]  # rows and parameters that share an uncertain factor
     passivity_obstacle: str | None  # why there are none
     geometry: dict[str, dict[str, dict[str, str | list[str]]]]
+    slip_rows: list[dict[str, str]]  # of each row of the slip matrix the wheel and its direction, or the joint
     findings: dict[str, Any]
 
 
@@ -101,5 +102,6 @@ def describe(derivation: Derivation) -> Metadata:
         ],
         passivity_obstacle=d.passivity if isinstance(d.passivity, str) else None,
         geometry=geometry(d.robot),
+        slip_rows=[row.about for row in d.kinematics.slip_rows],
         findings=findings(derivation),
     )

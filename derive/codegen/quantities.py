@@ -99,6 +99,10 @@ QUANTITIES = (
         lambda d: d.kinematics.actuator_rates_matrix,
     ),
     Entry(
+        "slip_matrix", "q p", "k n", "(2), (10)", "Z(q): speeds of slip = Z(q) (q' - S(q) v)",
+        lambda d: d.kinematics.slip_matrix,
+    ),
+    Entry(
         "joint_stops", "q p", "n_s", "limits of the joints", "how far each joint is from its lower and its upper limit",
         lambda d: d.kinematics.joint_stops,
     ),

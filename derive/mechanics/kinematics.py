@@ -15,6 +15,7 @@ from ..algebra.poles import leaves_a_pole
 from ..description.robot import Robot
 from .constraints import Constraints, constraint_origin, stacked
 from .elimination import Equation
+from .slip import SlipRow, slip_rows
 from .tree_motion import TreeMotion
 from .velocities import Form, Velocity, rate_of, rolling_rate
 
@@ -70,6 +71,16 @@ class Kinematics:
         """X (10): rates of what the motors drive, (n_u, n-m)."""
         driven = [self.wheel_rates[m.wheel] if m.wheel else self.joint_rates[str(m.joint)] for m in self.robot.motors]
         return stacked(driven, list(self.v))
+
+    @cached_property
+    def slip_rows(self) -> tuple[SlipRow, ...]:
+        """What slips, row by row of the slip matrix."""
+        return slip_rows(self.robot)
+
+    @property
+    def slip_matrix(self) -> Matrix:
+        """Z(q): speeds of slip = Z (q' - S v), (k, n)."""
+        return stacked([row.form for row in self.slip_rows], [self.robot.rate(q) for q in self.q])
 
     @property
     def joint_stops(self) -> Matrix | None:

@@ -220,6 +220,28 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=4, p=16)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (4,)
+    p: physical parameters, (16,)
+    Returns: shape (k, n) = (4, 4); 10 operations.
+    """
+    phi, beta = q[2], q[3]
+    a = p[1]
+    sin_phi = sin(phi)
+    out = _zeros((4, 4), q, p)
+    out[0, 0] = -sin_phi
+    out[0, 1] = out[2, 0] = cos(phi)
+    out[1, 0] = -sin(beta + phi)
+    out[1, 1] = cos(beta + phi)
+    out[1, 2] = a*cos(beta)
+    out[2, 1] = sin_phi
+    out[3, 3] = 1
+    return out
+
+
+@_function(q=4, p=16)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

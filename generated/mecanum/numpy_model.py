@@ -252,6 +252,29 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=3, p=11)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (3,)
+    p: physical parameters, (11,)
+    Returns: shape (k, n) = (4, 3); 7 operations.
+    """
+    phi = q[2]
+    a, b = p[1], p[2]
+    sin_phi = sin(phi)
+    cos_phi = cos(phi)
+    term_1 = cos_phi - sin_phi
+    term_2 = a + b
+    out = _zeros((4, 3), q, p)
+    out[0, 0] = out[1, 1] = out[2, 1] = out[3, 0] = cos_phi + sin_phi
+    out[0, 1] = out[3, 1] = -term_1
+    out[0, 2] = out[2, 2] = -term_2
+    out[1, 0] = out[2, 0] = term_1
+    out[1, 2] = out[3, 2] = term_2
+    return out
+
+
+@_function(q=3, p=11)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

@@ -269,6 +269,41 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=6, p=19)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (6,)
+    p: physical parameters, (19,)
+    Returns: shape (k, n) = (7, 6); 41 operations.
+    """
+    phi, beta1, beta2, beta3 = q[2], q[3], q[4], q[5]
+    b, d_1, d_2, d_3 = p[1], p[8], p[11], p[14]
+    sin_beta1_beta2_phi = sin(beta1 + beta2 + phi)
+    sin_beta1_beta2_beta3_phi = sin(beta1 + beta2 + beta3 + phi)
+    term_1 = cos(beta3)*d_2 + d_3
+    sin_phi = sin(phi)
+    out = _zeros((7, 6), q, p)
+    out[0, 0] = -sin(beta1 + phi)
+    out[0, 1] = cos(beta1 + phi)
+    out[0, 2] = out[0, 3] = -d_1
+    out[1, 0] = -sin_beta1_beta2_phi
+    out[1, 1] = cos(beta1 + beta2 + phi)
+    out[1, 2] = out[1, 3] = -cos(beta2)*d_1 - d_2
+    out[1, 4] = -d_2
+    out[2, 0] = -sin_beta1_beta2_beta3_phi
+    out[2, 1] = cos(beta1 + beta2 + beta3 + phi)
+    out[2, 2] = out[2, 3] = -cos(beta2 + beta3)*d_1 - term_1
+    out[2, 4] = -term_1
+    out[2, 5] = -d_3
+    out[3, 0] = out[4, 0] = -sin_phi
+    out[3, 1] = out[4, 1] = out[5, 0] = out[6, 0] = cos(phi)
+    out[5, 1] = out[6, 1] = sin_phi
+    out[5, 2] = b
+    out[6, 2] = -b
+    return out
+
+
+@_function(q=6, p=19)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

@@ -244,6 +244,30 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=4, p=16)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (4,)
+    p: physical parameters, (16,)
+    Returns: shape (k, n) = (6, 4); 14 operations.
+    """
+    phi, beta = q[2], q[3]
+    b, e, d_t = p[1], p[8], p[9]
+    sin_phi = sin(phi)
+    out = _zeros((6, 4), q, p)
+    out[0, 0] = out[1, 0] = -sin(beta + phi)
+    out[0, 1] = out[1, 1] = cos(beta + phi)
+    out[0, 2] = out[1, 2] = -cos(beta)*e - d_t
+    out[0, 3] = out[1, 3] = -d_t
+    out[2, 0] = out[3, 0] = -sin_phi
+    out[2, 1] = out[3, 1] = out[4, 0] = out[5, 0] = cos(phi)
+    out[4, 1] = out[5, 1] = sin_phi
+    out[4, 2] = b
+    out[5, 2] = -b
+    return out
+
+
+@_function(q=4, p=16)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

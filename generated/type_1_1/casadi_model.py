@@ -170,6 +170,29 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=4, p=17)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (4,)
+    p: physical parameters, (17,)
+    Returns: shape (k, n) = (5, 4); 12 operations.
+    """
+    phi, beta = q[2], q[3]
+    a = p[2]
+    sin_beta_phi = sin(beta + phi)
+    out = _zeros((5, 4), q, p)
+    out[0, 0] = out[1, 0] = -sin(phi)
+    out[0, 1] = out[1, 1] = cos(phi)
+    out[2, 0] = -sin_beta_phi
+    out[2, 1] = out[3, 0] = cos(beta + phi)
+    out[2, 2] = a*cos(beta)
+    out[3, 1] = sin_beta_phi
+    out[3, 2] = a*sin(beta)
+    out[4, 3] = 1
+    return out
+
+
+@_function(q=4, p=17)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

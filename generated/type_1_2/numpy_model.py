@@ -234,6 +234,30 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=5, p=13)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (5,)
+    p: physical parameters, (13,)
+    Returns: shape (k, n) = (5, 5); 17 operations.
+    """
+    phi, beta1, beta2 = q[2], q[3], q[4]
+    a = p[1]
+    sin_beta1_phi = sin(beta1 + phi)
+    out = _zeros((5, 5), q, p)
+    out[0, 0] = -sin_beta1_phi
+    out[0, 1] = out[2, 0] = cos(beta1 + phi)
+    out[0, 2] = a*cos(beta1)
+    out[1, 0] = -sin(beta2 + phi)
+    out[1, 1] = cos(beta2 + phi)
+    out[1, 2] = -a*cos(beta2)
+    out[2, 1] = sin_beta1_phi
+    out[2, 2] = a*sin(beta1)
+    out[3, 3] = out[4, 4] = 1
+    return out
+
+
+@_function(q=5, p=13)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

@@ -151,6 +151,26 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=3, p=10)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (3,)
+    p: physical parameters, (10,)
+    Returns: shape (k, n) = (4, 3); 4 operations.
+    """
+    phi = q[2]
+    b = p[1]
+    sin_phi = sin(phi)
+    out = _zeros((4, 3), q, p)
+    out[0, 0] = out[1, 0] = -sin_phi
+    out[0, 1] = out[1, 1] = out[2, 0] = out[3, 0] = cos(phi)
+    out[2, 1] = out[3, 1] = sin_phi
+    out[2, 2] = b
+    out[3, 2] = -b
+    return out
+
+
+@_function(q=3, p=10)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

@@ -193,6 +193,31 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=4, p=17)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (4,)
+    p: physical parameters, (17,)
+    Returns: shape (k, n) = (5, 4); 13 operations.
+    """
+    phi, beta = q[2], q[3]
+    b, s, e = p[2], p[4], p[5]
+    sin_phi = sin(phi)
+    term_1 = -e
+    out = _zeros((5, 4), q, p)
+    out[0, 0] = out[1, 0] = -sin_phi
+    out[0, 1] = out[1, 1] = out[3, 0] = out[4, 0] = cos(phi)
+    out[2, 0] = -sin(beta + phi)
+    out[2, 1] = cos(beta + phi)
+    out[2, 2] = cos(beta)*s + term_1
+    out[2, 3] = term_1
+    out[3, 1] = out[4, 1] = sin_phi
+    out[3, 2] = b
+    out[4, 2] = -b
+    return out
+
+
+@_function(q=4, p=17)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

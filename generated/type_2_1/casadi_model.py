@@ -189,6 +189,32 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=5, p=14)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (5,)
+    p: physical parameters, (14,)
+    Returns: shape (k, n) = (5, 5); 17 operations.
+    """
+    phi, beta, gamma = q[2], q[3], q[4]
+    s, e = p[1], p[2]
+    sin_beta_phi = sin(beta + phi)
+    sin_gamma_phi = sin(gamma + phi)
+    out = _zeros((5, 5), q, p)
+    out[0, 0] = -sin_beta_phi
+    out[0, 1] = out[2, 0] = cos(beta + phi)
+    out[1, 0] = -sin_gamma_phi
+    out[1, 1] = out[4, 0] = cos(gamma + phi)
+    out[1, 2] = -e - s*sin(gamma)
+    out[1, 4] = -e
+    out[2, 1] = sin_beta_phi
+    out[3, 3] = 1
+    out[4, 1] = sin_gamma_phi
+    out[4, 2] = cos(gamma)*s
+    return out
+
+
+@_function(q=5, p=14)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

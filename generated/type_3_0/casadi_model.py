@@ -275,6 +275,34 @@ def actuator_rates_matrix(q, p):
 
 
 @_function(q=3, p=11)
+def slip_matrix(q, p):
+    """Z(q): speeds of slip = Z(q) (q' - S(q) v); equations (2), (10).
+
+    q: generalized coordinates, (3,)
+    p: physical parameters, (11,)
+    Returns: shape (k, n) = (3, 3); 15 operations.
+    """
+    phi = q[2]
+    R = p[1]
+    sin_phi = sin(phi)
+    cos_phi = cos(phi)
+    term_1 = sqrt(3)
+    term_2 = cos_phi/2
+    term_3 = term_1*term_2
+    term_4 = sin_phi/2
+    term_5 = term_1*term_4
+    out = _zeros((3, 3), q, p)
+    out[0, 0] = -sin_phi
+    out[0, 1] = cos_phi
+    out[0, 2] = out[1, 2] = out[2, 2] = R
+    out[1, 0] = sin_phi/2 - term_3
+    out[1, 1] = -term_2 - term_5
+    out[2, 0] = term_3 + term_4
+    out[2, 1] = -term_2 + term_5
+    return out
+
+
+@_function(q=3, p=11)
 def inertia_matrix(q, p):
     """Mbar(q), symmetric positive definite; equation (14).
 

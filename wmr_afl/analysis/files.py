@@ -109,18 +109,21 @@ def columns(run: Run) -> list[str]:
         *(() if run.observed is None else _named("observed_", model.state_units)),
         *(() if run.unexpected is None else _named("unexpected_", _accelerations(model.output_units))),
         *(() if run.surprise is None else ("surprise [m or rad]",)),
+        *(() if run.slip is None else _named("slip_", run.slip_units)),
+        *(() if run.slip_true is None else _named("slip_true_", run.slip_units)),
     ]
 
 
 def _lines(run: Run) -> Iterator[str]:
     """Header and samples of a run, a few thousand at a time."""
     yield ",".join(columns(run)) + "\n"
+    optional = (run.deviation, run.observed, run.unexpected, run.slip, run.slip_true)  # in the order of the header
     for start in range(0, len(run.time), SAMPLES):
         part = slice(start, start + SAMPLES)
         table = np.hstack([
             run.time[part, None], run.state[part], run.input[part], run.command[part],
             run.reference[part], run.error[part], run.estimate[part],
-            *(signal[part] for signal in (run.deviation, run.observed, run.unexpected) if signal is not None),
+            *(signal[part] for signal in optional if signal is not None),
             *(() if run.surprise is None else (run.surprise[part, None],)),
         ])  # fmt: skip
         yield from (",".join(map(repr, row)) + "\n" for row in table.tolist())

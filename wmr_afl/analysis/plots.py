@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from wmr_afl.errors import WmrError
 from wmr_afl.numerics.arguments import checked
+from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.result import Run
 from wmr_input.whole_files import replacing
 
@@ -179,6 +180,8 @@ def overview(runs: Runs, title: str) -> dict[str, Figure]:
                 figures[f"estimates_{name}"] = _estimates(run)
             if run.observed is not None and len(run.time):
                 figures[f"observed_{name}"] = _observed(run)
+            if run.slip is not None and len(run.time):
+                figures[f"slip_{name}"] = _slip(run, run.slip)
         for figure in figures.values():
             figure.suptitle(verbatim(title), fontsize=10)
     return figures
@@ -223,6 +226,23 @@ def _observed(run: Run) -> Figure:
         if run.unexpected is not None:
             axes.plot(run.time, run.unexpected[:, index], color=COLOURS[2])
         axes.set(ylabel=f"unexpected of\n{name} [{unit}/s^2]")
+    panels[-1].set(xlabel="time [s]")
+    panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    figure.align_ylabels(panels)
+    return figure
+
+
+def _slip(run: Run, measured: Floats) -> Figure:
+    """How each wheel slips as measured, over how it slips."""
+    count = len(run.slip_names)
+    figure = new_figure(7.0, 0.9 + 1.3 * count)
+    panels = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
+    for index, (axes, name) in enumerate(zip(panels, run.slip_names, strict=True)):
+        if run.slip_true is not None:
+            axes.plot(run.time, run.slip_true[:, index], label="of the robot", **REFERENCE)
+        axes.plot(run.time, measured[:, index], label="measured", **style_of(0))
+        wheel, _, direction = name.rpartition(" ")
+        axes.set(ylabel=verbatim(wheel) + f" slips\n{direction} [m/s]")
     panels[-1].set(xlabel="time [s]")
     panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     figure.align_ylabels(panels)

@@ -67,6 +67,7 @@ class Law(Fixed):
     knows_deviation: bool = False  # of its estimates
     observes: bool = False  # whether it goes by what an observer makes of the pose
     measurement: Measurement | None = None  # what `act` is given; None is x as it is measured
+    slip_names: tuple[str, ...] = ()  # of what it measures of slip, in order
     lead: float = 0.0  # [s]: how much later than now the reference counts that it is given
 
     @property

@@ -33,7 +33,7 @@ class ObserverTable(Table):
     bound: Positive = 1.0  # [m, rad], by how much a sample may surprise; beyond, the observer is lost
     deviation: Named | None = None  # of "kalman": noise of what is measured; its ratios matter
     slip: bool = True  # of "kalman", whether wheels may slip; only where all of q is measured
-    slip_rate: Positive | None = None  # of "kalman" [1/s], how fast slip may change; a quarter of `rate` unless given
+    slip_rate: Positive | None = None  # [1/s], how fast slip as it is read follows, and may change
     carried: list[str] = Field(
         default_factory=list
     )  # of "kalman": entries that nothing tells; the motion carries them along

@@ -122,6 +122,7 @@ class PassivityLaw(Law):
         self.sight = sight or Sight()
         self.observes, self.lead = self.sight.observer is not None, self.sight.lead
         self.measurement = self.sight.measurement
+        self.slip_names = self.sight.slip_names
         own = (self.error, self.reference_model, self.effort, direct, least_squares, self.projection)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 

@@ -9,6 +9,7 @@ from wmr_afl.controllers.observer import Observer, Seen
 from wmr_afl.controllers.outer_loop import TrackingError, tracking_error
 from wmr_afl.controllers.pose_observer import Cancelling
 from wmr_afl.controllers.reference import Point
+from wmr_afl.controllers.slip_meter import SeenSlip, SlipMeter
 from wmr_afl.controllers.under_way import CommandsUnderWay
 from wmr_afl.errors import MissingTermError
 from wmr_afl.model.measurement import Measurement
@@ -31,6 +32,7 @@ class View:
     ahead: Seen | None = None
     cancelled: Array | None = None  # g E^-1 d^ (n-m,) [of v']
     fast: Array | None = None  # of it what is kept out of the data
+    slip: SeenSlip | None = None
 
     @property
     def E(self) -> Array | None:
@@ -66,11 +68,17 @@ class Sight:
         observer: Observer | None = None,
         cancelling: Cancelling | None = None,
         under_way: CommandsUnderWay | None = None,
+        slip: SlipMeter | None = None,
     ) -> None:
-        if observer is None and not (cancelling is None and under_way is None):
+        if observer is None and not (cancelling is None and under_way is None and slip is None):
             raise MissingTermError("only an observer tells what to cancel, and where commands lead", "add one")
-        self.observer, self.cancelling, self.under_way = observer, cancelling, under_way
-        self.parts: tuple[Part | None, ...] = (observer, cancelling, under_way)
+        self.observer, self.cancelling, self.under_way, self.slip = observer, cancelling, under_way, slip
+        self.parts: tuple[Part | None, ...] = (observer, cancelling, under_way, slip)
+
+    @property
+    def slip_names(self) -> tuple[str, ...]:
+        """What slips of what is measured."""
+        return () if self.slip is None else self.slip.names
 
     @property
     def measurement(self) -> Measurement | None:
@@ -100,7 +108,11 @@ class Sight:
             unexpected = solve(E, seen.unexpected, arrays)
             cancelled = self.cancelling.cancelled(unexpected, z.cancelling, k.cancelling, arrays)
             fast = self.cancelling.fast(cancelled, z.cancelling)
-        return View(seen.x, ahead.x, seen, ahead, cancelled, fast)
+        slip = None
+        if self.slip is not None:
+            state = x if self.measurement is None else self.measurement.state(x, k.slip.p, model)
+            slip = self.slip.see(state, z.slip, k.slip, model, step)
+        return View(seen.x, ahead.x, seen, ahead, cancelled, fast, slip)
 
     def acting(self, view: View, asked: Asked, z: SimpleNamespace, c: Array, model: Model) -> tuple[Array, Array]:
         """Of the command that acts now y'' as it is to be expected, d^ included, and what is kept out of the data.
@@ -136,6 +148,8 @@ class Sight:
         if self.under_way is not None and asked is not None:
             pushed = self.under_way.update(_meant(view, asked, model), asked[1], z.under_way, model.arrays)
             following |= prefixed("under_way", pushed)
+        if self.slip is not None and view.slip is not None:
+            following |= prefixed("slip", self.slip.update(view.slip, model))
         return following
 
 

@@ -14,6 +14,7 @@ from wmr_afl.controllers.observer import ObserverTable
 from wmr_afl.controllers.outer_loop import OuterLoopTable
 from wmr_afl.controllers.projection import ProjectionTable
 from wmr_afl.controllers.robust_term import RobustTable
+from wmr_afl.controllers.slip_meter import SHARE_OF_OBSERVER
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.rules import Rule, Rules
@@ -126,9 +127,17 @@ class ControllerTable(Table):
         given = self.observing
         return (given.rate if given is not None else None) or OBSERVER_SHARE / sample_time
 
+    def slip_rate(self, sample_time: float) -> float:
+        """How fast measured slip follows [1/s]."""
+        given = self.observing
+        return (given.slip_rate if given is not None else None) or SHARE_OF_OBSERVER * self.observer_rate(sample_time)
+
     def rules(self, model: Model) -> Rules:
         """What follows from other numbers of the loop: c and theta_hat(0) from p, gains and bounds from these."""
-        rules: dict[str, Rule] = {"c": lambda n: model.known(n["p"])}
+        rules: dict[str, Rule] = {
+            "c": lambda n: model.known(n["p"]),
+            "slip.p": lambda n: model.replaced(n["p"], self.guess),
+        }
         truth, names = getattr(model, self.estimated), list(model.units_of(self.estimated))
         if self.is_kalman(model):
             rules["observer.p"] = lambda n: model.replaced(n["p"], self.guess)

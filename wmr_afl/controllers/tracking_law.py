@@ -76,6 +76,7 @@ class TrackingLaw(Law):
         self.sight = sight or Sight()
         self.observes, self.lead = self.sight.observer is not None, self.sight.lead
         self.measurement = self.sight.measurement
+        self.slip_names = self.sight.slip_names
         own = (self.outer_loop, self.linearizing, *adapting, self.robust, self.reference_model, self.last)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 

@@ -27,6 +27,7 @@ from wmr_afl.controllers.reference import Reference, ReferenceTable
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
 from wmr_afl.controllers.sight import Sight
+from wmr_afl.controllers.slip_meter import SlipMeter
 from wmr_afl.controllers.tables import KAPPA, LINEARIZING, PASSIVE, ControllerTable
 from wmr_afl.controllers.tracking_law import TrackingLaw
 from wmr_afl.controllers.under_way import CommandsUnderWay
@@ -209,14 +210,23 @@ class _Assembly:
         under_way = None
         if late is not None and table.law != "linearizing":  # that law expects what the applied voltages do
             under_way = CommandsUnderWay(outputs, round(late.seconds / step), step, given.predict)
-        return Sight(observer, cancelling, under_way)
+        return Sight(observer, cancelling, under_way, self._slip_meter(table, numbers))
+
+    def _slip_meter(self, table: ControllerTable, numbers: Numbers) -> SlipMeter | None:
+        """What reads slip, where all of q is measured and something can slip."""
+        sees = Measurement(self.model, table.entries_measured(self.model))
+        if not sees.tells_q:
+            return None
+        rate = table.slip_rate(self.experiment.simulation.sample_time)
+        meter = SlipMeter(self.model, numbers["slip.p"], rate, sees.tells_v)
+        return meter if meter.names else None
 
     def _observer(self, table: ControllerTable, given: ObserverTable, numbers: Numbers) -> Observer:
         """Of the pose, or of whatever is measured, which then has to determine the state."""
         model, rate = self.model, table.observer_rate(self.experiment.simulation.sample_time)
         measured = table.entries_measured(model)
         if not table.is_kalman(model):
-            for key in ("deviation", "slip", "slip_rate", "carried", "first"):
+            for key in ("deviation", "slip", "carried", "first"):
                 if key in given.model_fields_set:
                     raise WmrError(f"observer.{key} means nothing where the pose is measured", 'add kind = "kalman"')
             pose, sees_v = list(model.state_units)[: model.coordinate_count], len(measured) == len(model.state_units)
@@ -225,7 +235,7 @@ class _Assembly:
         p = numbers["observer.p"]
         sees = Measurement(model, measured)
         slip_rate = None
-        if given.slip and len(sees.coordinates) == model.coordinate_count:
+        if given.slip and sees.tells_q:
             slip_rate = given.slip_rate or rate / SLOWER_SLIP
         elif given.slip_rate is not None:
             raise WmrError("observer.slip_rate means nothing where q is measured in part", "remove it, or measure q")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array
-from wmr_afl.numerics.linear_algebra import entries
+from wmr_afl.numerics.linear_algebra import entries, solve_positive
 from wmr_afl.numerics.vectors import by_name
 from wmr_input.fields import Named
 
@@ -33,6 +35,8 @@ class Measurement:
         self._states = [states.index(name) if name in states else None for name in names]
         self._motors = [motors.index(name) if name in motors else None for name in names]
         self._coordinates = model.coordinate_count
+        self._rates = set(range(self._coordinates, len(states)))
+        self._turns_all = bool(motors) and set(range(len(motors))) <= set(self._motors) and _turn_all_of_v(model)
         radian = {name for name, unit in model.state_units.items() if unit == "rad"}
         self.is_angle = [name in radian and states.index(name) < self._coordinates for name in names]
 
@@ -40,6 +44,30 @@ class Measurement:
     def coordinates(self) -> dict[int, int]:
         """Which entry of z holds a coordinate, by the index of the coordinate."""
         return {i: n for n, i in enumerate(self._states) if i is not None and i < self._coordinates}
+
+    @property
+    def tells_q(self) -> bool:
+        """Whether all of q is measured."""
+        return len(self.coordinates) == self._coordinates
+
+    @property
+    def tells_v(self) -> bool:
+        """Whether all of v is measured, or the rates of all motors, from which v follows."""
+        return self._rates <= set(self._states) or self._turns_all
+
+    def state(self, z: Array, p: Array, model: Model) -> Array:
+        """[q; v] as measured, where all of q is: v, or the one that fits the rates of all motors best, or else zero."""
+        q = [z[self.coordinates[i]] for i in range(self._coordinates)]
+        if self._rates <= set(self._states):
+            v = [z[self._states.index(i)] for i in sorted(self._rates)]
+        elif self._turns_all:
+            X = model.actuator_rates_matrix(model.arrays.vector(q), p)
+            turned = model.arrays.vector([z[self._motors.index(j)] for j in range(X.shape[0])])
+            (solved,) = solve_positive(X.T @ X, [X.T @ turned], model.arrays)
+            v = [solved[j] for j in range(len(self._rates))]
+        else:
+            v = [0.0] * len(self._rates)
+        return model.arrays.vector([*q, *v])
 
     def picked(self, x: Array) -> Array | None:
         """z out of the state as it is measured (2n-m,); None if motors' rates are measured, too."""
@@ -68,3 +96,10 @@ class Measurement:
         if isinstance(given, dict):
             given = {**dict(zip(self.names, usual, strict=True)), **given}
         return [float(value) for value in by_name("measured entry", given, self.names)]
+
+
+def _turn_all_of_v(model: Model) -> bool:
+    """Whether v follows from the rates of the motors: X(q) has full rank at a place chosen at random."""
+    q = np.random.default_rng(0).uniform(0.3, 1.2, model.coordinate_count)
+    X = np.asarray(model.in_library("numpy").actuator_rates_matrix(q, model.parameters()))
+    return bool(np.isfinite(X).all()) and int(np.linalg.matrix_rank(X)) == model.pseudo_velocity_count

@@ -93,6 +93,23 @@ class GeometryEntry(_Part):
         return self
 
 
+class SlipEntry(_Part):
+    """What slips in a row of the slip matrix: a wheel, sideways or along its heading, or a motor against its joint."""
+
+    wheel: Line | None = None
+    direction: Literal["sideways", "along"] | None = None
+    joint: Line | None = None
+    motor: Name | None = None
+
+    @model_validator(mode="after")
+    def _says_what_slips(self) -> SlipEntry:
+        of_wheel = self.wheel is not None and self.direction is not None and self.joint is None
+        of_joint = self.joint is not None and self.direction is None and self.wheel is None
+        if not (of_wheel or of_joint) or (self.motor is None) != (self.direction == "sideways"):
+            raise FieldError("names neither a wheel nor a joint that slips")
+        return self
+
+
 class ObstacleEntry(_Part):
     """Why there is no forward form."""
 
@@ -175,6 +192,7 @@ class Metadata(_Part):
     passivity_groups: list[GroupEntry]
     passivity_obstacle: Formula | None
     geometry: GeometryEntry
+    slip_rows: list[SlipEntry]
     findings: FindingsEntry
 
     @model_validator(mode="after")
@@ -187,6 +205,7 @@ class Metadata(_Part):
             ("about", self.about, self.parameters),
             ("base_parameter_formulas", self.base_parameter_formulas, self.base_parameters),
             ("known", self.known, [one for one in self.parameters if one in self.known]),
+            ("slip_rows", [row.motor for row in self.slip_rows if row.motor], self.inputs),
             ("findings pseudo_velocities", velocities, list(self.state)[-len(velocities) :]),
         ):
             if list(table) != list(expected):
@@ -210,6 +229,7 @@ class Metadata(_Part):
             "n_pi": len(self.passivity_parameters) or len(self.inverse_base_parameters),
             "n_c": len(self.known),
             "n_p": len(self.parameters),
+            "k": len(self.slip_rows),
         }
         for name, function in self.functions.items():
             expected = [sizes.get(symbol, size) for symbol, size in zip(function.shape, function.size, strict=False)]
@@ -217,6 +237,16 @@ class Metadata(_Part):
                 raise _Misfit(f"functions {name} size")
             if len(set(function.arguments)) != len(function.arguments) or math.prod(function.size) > 1_000_000:
                 raise _Misfit(f"functions {name}")
+        return self
+
+    @model_validator(mode="after")
+    def _parts_are_there(self) -> Metadata:
+        """Check that what slips is part of the robot."""
+        for row in self.slip_rows:
+            if row.wheel is not None and row.wheel not in self.geometry.wheels:
+                raise _Misfit("slip_rows")
+            if row.joint is not None and row.joint not in self.geometry.frames:
+                raise _Misfit("slip_rows")
         return self
 
     @model_validator(mode="after")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from itertools import combinations
 
@@ -29,6 +29,30 @@ def solve(matrix: Array, right: Array, arrays: Arrays) -> Array:
     size = len(rows)
     replaced = [[[*row[:j], right[i], *row[j + 1 :]] for i, row in enumerate(rows)] for j in range(size)]
     return arrays.vector([determinant(numerator) / whole for numerator in replaced])
+
+
+def solve_positive(matrix: Array, rights: Sequence[Array], arrays: Arrays) -> list[Array]:
+    """s with matrix s = right for each of `rights`, (k,) each, of a symmetric positive definite matrix (k, k).
+
+    By elimination in the order of the rows, which such a matrix allows: k^3 operations where Cramer's rule takes k!.
+    """
+    rows, size = entries(matrix), matrix.shape[0]
+    columns = [[right[i] for i in range(size)] for right in rights]
+    for j in range(size):
+        for i in range(j + 1, size):
+            factor = rows[i][j] / rows[j][j]
+            rows[i] = [
+                *rows[i][: j + 1],
+                *(a - factor * b for a, b in zip(rows[i][j + 1 :], rows[j][j + 1 :], strict=True)),
+            ]
+            for column in columns:
+                column[i] = column[i] - factor * column[j]
+    for column in columns:
+        for j in reversed(range(size)):
+            for i in range(j + 1, size):
+                column[j] = column[j] - rows[j][i] * column[i]
+            column[j] = column[j] / rows[j][j]
+    return [arrays.vector(column) for column in columns]
 
 
 def least_norm(matrix: Array, right: Array, weights: Array, arrays: Arrays) -> Array:

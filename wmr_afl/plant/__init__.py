@@ -9,6 +9,7 @@ from wmr_afl.plant.measurement_noise import MeasurementNoise
 from wmr_afl.plant.payload_change import PayloadChange
 from wmr_afl.plant.plant import Plant
 from wmr_afl.plant.uncertainty import Uncertainty
+from wmr_afl.plant.wheel_slip import WheelSlip
 
 __all__ = [
     "Disturbance",
@@ -20,4 +21,5 @@ __all__ = [
     "PayloadChange",
     "Plant",
     "Uncertainty",
+    "WheelSlip",
 ]

@@ -45,7 +45,7 @@ class LateralSlip(Uncertainty):
         self.places = [names.index(part) for part in pose]
         self._speed = TimeFunction([speed])
 
-    def rate(self, t: Array, x: Array, k: SimpleNamespace, model: Model) -> Array:
+    def rate(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array:
         east, north, heading = self.places
         speed, arrays = self._speed(t)[0][0], model.arrays
         parts = {east: -speed * arrays.sin(x[heading]), north: speed * arrays.cos(x[heading])}

@@ -16,6 +16,7 @@ from wmr_afl.plant.lateral_slip import LateralSlipTable
 from wmr_afl.plant.measurement_noise import MeasurementNoiseTable
 from wmr_afl.plant.payload_change import PayloadTable
 from wmr_afl.plant.uncertainty import Surroundings, Uncertainty, UncertaintyTable
+from wmr_afl.plant.wheel_slip import WheelSlipTable
 from wmr_input.fields import Table
 
 At = Callable[[str], AbstractContextManager[None]]  # errors inside are mistakes at this place of the file
@@ -33,6 +34,7 @@ class UncertaintiesTable(Table):
     friction: FrictionTable | None = None
     disturbance: DisturbanceTable | None = None
     lateral_slip: LateralSlipTable | None = None
+    wheel_slip: WheelSlipTable | None = None
     payload: PayloadTable | None = None
 
     def tables(self) -> Iterator[tuple[str, UncertaintyTable]]:

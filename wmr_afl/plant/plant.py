@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from types import SimpleNamespace
 
 import numpy as np
@@ -139,11 +139,23 @@ class Plant(Fixed):
         if held:
             rows = self._rows(self.resistances(x, p, k, model), model)
             w = w + sum((force * row for force, row in zip(held, rows, strict=True)), start=0.0 * w)
-        x_dot = model.state_derivative(x, u, w, p)
-        for part, own in self.uncertainties.with_values(k):
-            added = part.rate(t, x, own, model)
-            x_dot = x_dot if added is None else x_dot + added
-        return x_dot
+        return sum(self._added(t, x, p, k, model), start=model.state_derivative(x, u, w, p))
+
+    def _added(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Iterator[Array]:
+        """What uncertainties add to x', (2n-m,) each."""
+        every = (part.rate(t, x, p, own, model) for part, own in self.uncertainties.with_values(k))
+        return (added for added in every if added is not None)
+
+    @property
+    def slips(self) -> bool:
+        """Whether q' may differ from S v."""
+        return any(type(part).rate is not Uncertainty.rate for part in self.uncertainties)
+
+    def slip(self, t: Array, x: Array, k: SimpleNamespace, model: Model) -> Array:
+        """The speeds of slip Z (q' - S v), (k,) [m/s; rad/s of joints]."""
+        p, n = self.parameters_at(t, k, model.arrays), model.coordinate_count
+        b = sum((added[:n] for added in self._added(t, x, p, k, model)), start=0.0 * x[:n])
+        return model.slip_matrix(x[:n], p) @ b
 
     def update(
         self, t: Array, u: Array, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array

@@ -84,7 +84,7 @@ class Uncertainty(Part):
         """Forces that stop motions, and hold until they are overcome; None is none."""
         return None
 
-    def rate(self, t: Array, x: Array, k: SimpleNamespace, model: Model) -> Array | None:
+    def rate(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array | None:
         """What is added to x', (2n-m,); None adds nothing."""
         return None
 

@@ -14,6 +14,7 @@ from wmr_afl.controllers.outer_loop import tracking_error
 from wmr_afl.controllers.reference import Reference
 from wmr_afl.controllers.sight import View
 from wmr_afl.model.model import Model
+from wmr_afl.model.slip import wheel_rows
 from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.parts import disjoint
 from wmr_afl.plant.plant import Plant
@@ -56,6 +57,9 @@ class ClosedLoop:
         optional = {"deviation": len(self.law.knowledge.units), "unexplained": 1} if self.law.knows_deviation else {}
         if self.law.observes:
             optional |= {"observed": len(self.model.state_units), "unexpected": outputs, "surprise": 1}
+        if self.law.slip_names:
+            slips = {"slip": len(self.law.slip_names)}
+            optional |= slips | ({"slip_true": slips["slip"]} if self.plant.slips else {})
         return {
             "x": len(self.model.state_units),
             "u": inputs,
@@ -125,6 +129,11 @@ class ClosedLoop:
                 "unexpected": view.unexpected,
                 "surprise": model.arrays.vector([view.surprise]),
             }
+            if view.slip is not None:
+                signals["slip"] = view.slip.speeds
+        if "slip_true" in self.signals:
+            rows, true = wheel_rows(model), self.plant.slip(t, z.x, k, model)
+            signals["slip_true"] = model.arrays.vector([true[rows[name]] for name in self.law.slip_names])
         following = {
             **self.plant.update(t, action.input, z, k, model, self.sample_time),
             **self.law.update(seen, action, applied, z, k, model, self.sample_time),

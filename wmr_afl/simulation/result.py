@@ -49,6 +49,9 @@ class Run:
     observed: Floats | None = None  # (T, 2n-m), the state as an observer tells it from the pose, if there is one
     unexpected: Floats | None = None  # (T, n-m), d^ of the observer: y'' that the law did not expect
     surprise: Floats | None = None  # (T,) [m, rad], by how much the observer missed what was measured, the largest
+    slip: Floats | None = None  # (T, k) [m/s], how wheels slip as measured, if there is an observer
+    slip_true: Floats | None = None  # (T, k) [m/s], how they slip, if anything makes them
+    slip_names: tuple[str, ...] = ()  # (k,), as "right sideways"
     conditions: tuple[Condition, ...] = ()  # of proofs in discrete time, tried along the run
 
     def __repr__(self) -> str:
@@ -59,6 +62,11 @@ class Run:
     def estimate_units(self) -> dict[str, str]:
         """The unit of each estimate, by name."""
         return self.model.units_of(self.estimated)
+
+    @property
+    def slip_units(self) -> dict[str, str]:
+        """The unit of each speed of slip, by name."""
+        return dict.fromkeys(self.slip_names, "m/s")
 
     @property
     def undetermined(self) -> tuple[str, ...] | None:

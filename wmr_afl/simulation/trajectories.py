@@ -25,6 +25,8 @@ DATASETS = {  # signal of the loop -> name in the file
     "observed": "observed",  # of one that observes
     "unexpected": "unexpected",
     "surprise": "surprise",
+    "slip": "slip",
+    "slip_true": "slip_true",  # where wheels slip besides
 }
 SAMPLES = 1000  # of one run in one chunk of the file, as many as a batch records at a time
 
@@ -34,10 +36,10 @@ def recording(path: Path, loop: ClosedLoop, times: Floats, count: int) -> Iterat
     """Yield a function (robots, samples, rows) that writes signals; the file gets its name once all is written.
 
     Datasets: time (T,), state (N, T, 2n-m), input and command (N, T, n_u), error and reference (N, T, n-m), estimate
-    (N, T, n_theta), failure_time (N,); of a law that knows it deviation, of one that observes observed,
-    unexpected and surprise.
-    Their attribute `names` lists the entries with units. A run that failed has its failure_time, NaN in the others, and
-    NaN in all signals from then on. If writing fails, what was at `path` stays.
+    (N, T, n_theta), failure_time (N,); of a law that knows it deviation; of one that observes observed, unexpected,
+    surprise and slip, and slip_true where wheels slip. Their attribute `names` lists the entries with units. A run that
+    failed has its failure_time, NaN in the others, and NaN in all signals from then on. If writing fails, what was at
+    `path` stays.
 
     Raises:
         WmrError: if h5py is not installed, or the file cannot be written.
@@ -96,6 +98,8 @@ def _names(loop: ClosedLoop) -> dict[str, list[str]]:
         "estimate": loop.law.knowledge.units,
         "deviation": loop.law.knowledge.units,
         "observed": model.state_units,
+        "slip": dict.fromkeys(loop.law.slip_names, "m/s"),
+        "slip_true": dict.fromkeys(loop.law.slip_names, "m/s"),
         "unexpected": {name: f"{unit}/s^2" for name, unit in model.output_units.items()},
         "surprise": {"surprise": "m or rad"},
     }

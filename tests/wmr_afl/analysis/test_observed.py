@@ -22,3 +22,19 @@ def test_velocities_and_what_was_not_expected_are_drawn() -> None:
     for index, axes in enumerate(panels[2:]):
         np.testing.assert_array_equal(axes.get_lines()[0].get_ydata(), one.unexpected[:, index])
     assert "observed_a" not in plots.overview({"a": run()}, "title")
+
+
+def test_slip_is_drawn_over_what_it_is() -> None:
+    """A panel for each wheel and direction; what is not known is not drawn."""
+    random = np.random.default_rng(5)
+    slip, true = random.normal(size=(2, len(TIME), 2))
+    names = ("right sideways", "left along")
+    panels = plots.overview({"a": run(slip=slip, slip_true=true, slip_names=names)}, "title")["slip_a"].axes
+    assert [axes.get_ylabel() for axes in panels] == ["right slips\nsideways [m/s]", "left slips\nalong [m/s]"]
+    for index, axes in enumerate(panels):
+        drawn = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
+        np.testing.assert_array_equal(drawn["measured"], slip[:, index])
+        np.testing.assert_array_equal(drawn["of the robot"], true[:, index])
+    alone = plots.overview({"a": run(slip=slip, slip_names=names)}, "title")["slip_a"].axes
+    assert [len(axes.get_lines()) for axes in alone] == [1, 1]
+    assert "slip_a" not in plots.overview({"a": run()}, "title")

@@ -25,7 +25,7 @@ from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.laws import Situation
 from wmr_afl.model.model import load_model
 from wmr_afl.numerics.arrays import CASADI, NUMPY
-from wmr_afl.numerics.linear_algebra import determinant, least_norm, regularity, solve
+from wmr_afl.numerics.linear_algebra import determinant, least_norm, regularity, solve, solve_positive
 from wmr_afl.numerics.parts import Parts, by_part
 
 
@@ -35,6 +35,19 @@ def test_solving_equals_lapack(size: int) -> None:
     matrix, right = random.normal(size=(size, size)), random.normal(size=size)
     np.testing.assert_allclose(solve(matrix, right, NUMPY), np.linalg.solve(matrix, right), rtol=1e-10)
     np.testing.assert_allclose(determinant(matrix.tolist()), np.linalg.det(matrix), rtol=1e-10)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 7])
+def test_a_positive_definite_system_is_solved_in_both_libraries(size: int) -> None:
+    random = np.random.default_rng(size)
+    rows = random.normal(size=(size + 2, size))
+    matrix, rights = rows.T @ rows, random.normal(size=(3, size))
+    expected = np.linalg.solve(matrix, rights.T).T
+    for found in (
+        solve_positive(matrix, rights, NUMPY),
+        solve_positive(ca.DM(matrix), list(map(ca.DM, rights)), CASADI),
+    ):
+        np.testing.assert_allclose([np.ravel(np.array(one)) for one in found], expected, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 2), (2, 3), (3, 4), (3, 3)])

@@ -159,6 +159,8 @@ def test_all_backends_give_the_same_run_from_the_pose(robot: str, law: str, tmp_
         for signal in ("state", "input", "estimate", "error"):
             expected = getattr(runs[0], signal)
             assert np.abs(getattr(run, signal) - expected).max() < 1e-9 * max(1.0, np.abs(expected).max()), signal
+        if runs[0].slip is not None:
+            np.testing.assert_allclose(run.slip, runs[0].slip, atol=1e-7)
 
 
 @pytest.mark.parametrize("law", list(LAWS))
@@ -283,18 +285,22 @@ def test_what_is_observed_is_logged(tmp_path: Path) -> None:
     np.testing.assert_array_equal(run.observed[:, :3], run.state[:, :3])
     assert np.abs(run.observed[100:, 3:] - run.state[100:, 3:]).max() < 0.02
     assert run.unexpected.shape == run.error.shape
+    assert run.slip is not None
     header = columns(run)
-    assert header[-7:] == [
+    assert header[-9:] == [
         "observed_x [m]", "observed_y [m]", "observed_phi [rad]", "observed_v [m/s]", "observed_omega [rad/s]",
-        "unexpected_y1 [m/s^2]", "unexpected_y2 [m/s^2]",
+        "unexpected_y1 [m/s^2]", "unexpected_y2 [m/s^2]", "slip_right sideways [m/s]", "slip_left sideways [m/s]",
     ]  # fmt: skip
     write_results({"pose": run}, tmp_path)
     table = np.loadtxt(tmp_path / "pose.csv", delimiter=",", skiprows=1)
-    np.testing.assert_array_equal(table[:, -7:], np.hstack([run.observed, run.unexpected]))
+    np.testing.assert_array_equal(table[:, -9:], np.hstack([run.observed, run.unexpected, run.slip]))
     wmr_afl.run_batch(file, scale={"m_C": [1.0]}, trajectories=tmp_path / "runs.h5", backend="casadi")
     with h5py.File(tmp_path / "runs.h5") as record:
         np.testing.assert_allclose(record["observed"][0], run.observed, rtol=1e-9, atol=1e-12)
         assert list(record["unexpected"].attrs["names"]) == ["y1 [m/s^2]", "y2 [m/s^2]"]
+        np.testing.assert_allclose(record["slip"][0], run.slip, atol=1e-9)
+        assert list(record["slip"].attrs["names"]) == ["right sideways [m/s]", "left sideways [m/s]"]
+        assert "slip_true" not in record
 
 
 def late(robot: str, folder: Path, own: str, law: str = "composite", duration: float = 20.0) -> Path:

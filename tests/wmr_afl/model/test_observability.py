@@ -106,6 +106,23 @@ def test_encoders_measure_what_motors_turn(robot: str) -> None:
     assert measurement.coordinates == {1: len(model.input_units)}
 
 
+def test_a_state_is_put_together_of_what_is_measured(robot: str) -> None:
+    """v as measured, or what fits the rates of all motors; zero where neither is there."""
+    model = load_model(robot)
+    p, random = model.parameters(), np.random.default_rng(3)
+    x, names, n = random.uniform(0.2, 0.9, len(model.state_units)), list(model.state_units), model.coordinate_count
+    shuffled = list(random.permutation(names))
+    for measured, tells in ((shuffled, True), ([*reversed(model.input_units), *names[:n]], True), (names[:n], False)):
+        measurement = Measurement(model, measured)
+        assert measurement.tells_q
+        assert measurement.tells_v == tells
+        expected = x if tells else [*x[:n], *np.zeros(len(x) - n)]
+        np.testing.assert_allclose(measurement.state(measurement.of(x, p, model), p, model), expected, rtol=1e-9)
+    assert not Measurement(model, names[1:]).tells_q
+    assert not Measurement(model, names[:-1]).tells_v
+    assert not Measurement(model, [*names[:n], list(model.input_units)[0]]).tells_v
+
+
 def test_noise_is_told_by_name_or_follows_from_what_is_measured() -> None:
     measurement = Measurement(load_model("type_2_0"), ["x", "phi", "u_r", "omega"])
     assert measurement.deviations(None, 0.1, 7.0) == [0.1, 0.1, 7.0, 7.0]

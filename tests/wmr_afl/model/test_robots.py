@@ -115,6 +115,7 @@ def test_a_missing_or_damaged_key_of_model_json_is_named(folder: Path) -> None:
     keys = (
         *("name", "title", "parametrization", "state", "inputs", "outputs", "parameters", "motors", "defaults"),
         *("known", "base_parameters", "base_parameter_formulas", "functions", "geometry", "findings"),
+        "slip_rows",
     )
     for key in keys:
         for wrong in (None, 3):

@@ -134,6 +134,12 @@ def test_no_change_of_trusted_values_gives_a_traceback(folder: Path) -> None:
         (("functions", "parameters"), {"arguments": [], "shape": [], "size": [], "equation": "", "meaning": ""}),
         (("geometry", "frames"), {}),
         (("geometry", "wheels", "right", "frame"), "nowhere"),
+        (("slip_rows",), []),
+        (("slip_rows",), [{"wheel": "right", "direction": "sideways"}]),
+        (("slip_rows", 0), {"wheel": "right", "direction": "up"}),
+        (("slip_rows", 0), {"wheel": "right", "direction": "sideways", "motor": "u_r"}),
+        (("slip_rows", 0, "wheel"), "fifth"),
+        (("slip_rows", 2), {"joint": "platform", "motor": "u_l"}),
         (("findings", "determinant_parameters"), ["theta9"]),
         (("defaults", "r"), float("nan")),
         (("defaults", "r"), "0.15"),
@@ -141,7 +147,7 @@ def test_no_change_of_trusted_values_gives_a_traceback(folder: Path) -> None:
         (("findings", "controllable"), 1),
     ],
 )
-def test_what_does_not_fit_is_named(tmp_path: Path, place: tuple[str, ...], value: object) -> None:
+def test_what_does_not_fit_is_named(tmp_path: Path, place: tuple[str | int, ...], value: object) -> None:
     shutil.copytree(ROOT / "generated" / ROBOT, tmp_path / "mine")
     path = tmp_path / "mine" / "model.json"
     content = json.loads(path.read_text())

@@ -9,6 +9,7 @@ import pytest
 from wmr_afl.errors import MissingTermError, ShapeError, UnknownNameError, WmrError
 from wmr_afl.model.laws import Situation
 from wmr_afl.model.model import Model, load_model
+from wmr_afl.model.slip import wheel_rows
 from wmr_afl.numerics.arrays import NUMPY, Floats
 from wmr_afl.numerics.parts import by_part
 from wmr_afl.numerics.rules import Numbers
@@ -110,7 +111,7 @@ def test_a_disturbance_acts_on_the_channel_that_is_named(model: Model, situation
 
 def test_slip_moves_the_root_and_nothing_else(model: Model, situation: Situation) -> None:
     """What is added to x' is rU [-sin phi, cos phi, 0 ...]^T (96)."""
-    added = LateralSlip(model, "0.1*t").rate(3.0, situation.x[0], NOTHING, model)
+    added = LateralSlip(model, "0.1*t").rate(3.0, situation.x[0], situation.p[0], NOTHING, model)
     phi = situation.q[0][2]
     expected = np.zeros(len(model.state_units))
     expected[:2] = 0.1 * 3.0 * np.array([-np.sin(phi), np.cos(phi)])
@@ -349,16 +350,18 @@ def test_tables_build_what_they_say_in_the_order_in_which_it_acts(model: Model) 
     p = model.parameters(**{uncertain: 5.0})
     known = next((name for name, unit in model.known_units.items() if unit == "m"), None)
     changes = {uncertain: 7.0}
+    (wheel, direction), row = next((name.split(), row) for name, row in wheel_rows(model).items())
     tables = {
         "payload": {"time": 2.0, "parameters": changes},
         "lateral_slip": {"speed": "2*t"},
+        "wheel_slip": {wheel: {direction: "3*t"}},
         "disturbance": {"expression": "3*t", "on": "wheels"},
         "friction": {"viscous": 0.3, "coulomb": 0.4, "on": "wheels"},
         "input_limits": {"volts": 6.0},
         "input_delay": {"seconds": 0.06},
         "measurement_noise": {"deviation": {"x": 0.1}, "seed": 5},
     }
-    noise, delay, limits, friction, disturbance, slip, payload = built(tables, model, p)
+    noise, delay, limits, friction, disturbance, slip, slip_of_wheel, payload = built(tables, model, p)
     np.testing.assert_array_equal(noise.deviation, [0.1] + [0.0] * (len(model.state_units) - 1))
     assert (noise.seed, noise.samples) == (5, len(model.state_units))
     assert (delay.inputs, delay.samples_late) == (motors, 3)
@@ -368,7 +371,9 @@ def test_tables_build_what_they_say_in_the_order_in_which_it_acts(model: Model) 
     assert (friction.place.on_wheels, friction.is_literal) == (True, False)
     assert disturbance.place.on_wheels
     x = np.zeros(len(model.state_units))
-    assert slip.rate(1.5, x, NOTHING, model)[1] == 3.0
+    assert slip.rate(1.5, x, p, NOTHING, model)[1] == 3.0
+    b = slip_of_wheel.rate(1.5, x, p, NOTHING, model)[: model.coordinate_count]
+    assert model.slip_matrix(x[: model.coordinate_count], p)[row] @ b == pytest.approx(4.5)
     np.testing.assert_array_equal(payload.values["time"], [2.0])
     np.testing.assert_array_equal(payload.values["parameters"], model.parameters(**{uncertain: 7.0}))
     if known is not None:

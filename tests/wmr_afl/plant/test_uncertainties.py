@@ -28,6 +28,7 @@ ALONE = {
     "limits": "input_limits = { volts = 3.0 }",
     "delay": "input_delay = { seconds = 0.04 }",
     "slip": 'lateral_slip = { speed = "0.1*(step(t - 1) - step(t - 2))" }',
+    "slip of wheels": 'wheel_slip = { right = { sideways = "0.1*step(t - 1)" }, left = { along = "t*step(t - 2)" } }',
     "payload": "payload = { time = 1.5, parameters = { m_C = 72.0 } }",
 }
 
@@ -44,6 +45,7 @@ def experiment(tmp_path: Path, uncertainties: str, duration: float = 3.0) -> Pat
 BEGINS = {  # [s], when it first acts; the others do from the start on
     "disturbance on wheels": 1.0,
     "slip": 1.0,
+    "slip of wheels": 1.0,
     "payload": 1.5,
 }
 
@@ -171,6 +173,11 @@ def test_inputs_and_commands_are_both_logged(tmp_path: Path) -> None:
         ("input_delay = { seconds = 0.03 }", ["[uncertainties.input_delay] seconds", "multiple"]),
         ("payload = { time = 1.0, parameters = { mass = 3.0 } }", ["[uncertainties.payload]", "'mass'", "m_C"]),
         ('lateral_slip = { speed = "y" }', ["[uncertainties.lateral_slip] speed", "unknown name 'y'"]),
+        ('wheel_slip = { rigt = { along = "1" } }', ["[uncertainties.wheel_slip]", "did you mean 'right'"]),
+        ('wheel_slip = { right = { along = "y" } }', ["[uncertainties.wheel_slip]", "right along", "unknown name 'y'"]),
+        ('wheel_slip = { right = { beside = "1" } }', ["wheel_slip.right", "'beside'", "sideways, along"]),
+        ("wheel_slip = { right = {} }", ["wheel_slip.right", "write sideways"]),
+        ("wheel_slip = {}", ["[uncertainties.wheel_slip]", "names no wheel", "right, left"]),
         ("gremlins = 1", ["gremlins", "friction"]),
     ],
 )

@@ -77,6 +77,59 @@ def _stops_move_as_their_joints(s: Situation) -> float:
     return relative(times(s.numpy.joint_stops_matrix(s.q, s.p), s.v), rates)
 
 
+def _slip_is_zero_without_slip(s: Situation) -> float:
+    """Z S: nothing sideways, and of motors what they turn, times the radius of a wheel."""
+    product = s.numpy.slip_matrix(s.q, s.p) @ s.numpy.kinematic_matrix(s.q, s.p)
+    shafts, expected = s.numpy.actuator_rates_matrix(s.q, s.p), np.zeros_like(product)
+    motors = [row.get("motor") for row in s.numpy.metadata["slip_rows"]]
+    for row, motor in enumerate(s.numpy.input_units):
+        expected[:, motors.index(motor)] = _arm(s, motor)[:, None] * shafts[:, row]
+    return relative(product, expected)
+
+
+def _slip_is_how_contacts_move(s: Situation) -> float:
+    """Z q' for random q', against differences of the poses of wheels and joints."""
+    rates = np.hstack([s.v, s.a, s.eta])[:, : s.q.shape[1]]
+    found, worst = times(s.numpy.slip_matrix(s.q, s.p), rates), 0.0
+    for row, about in enumerate(s.numpy.metadata["slip_rows"]):
+        if "joint" in about:
+            parent = s.numpy.metadata["geometry"]["frames"][about["joint"]]["parent"]
+            child, other = (_motion(s, rates, "frames", frame)[2] for frame in (about["joint"], parent))
+            expected = child - other
+        else:
+            wheel = s.numpy.metadata["geometry"]["wheels"][about["wheel"]]
+            east, north, _ = _motion(s, rates, "wheels", about["wheel"])
+            roller = _value(s, wheel.get("roller_angle", "0"), s.q)
+            angle = _value(s, wheel["heading"], s.q) + (np.pi / 2.0 if about["direction"] == "sideways" else roller)
+            expected = (np.cos(angle) * east + np.sin(angle) * north) / np.cos(roller)
+        worst = largest(worst, relative(found[:, row], expected))
+    return worst
+
+
+def _arm(s: Situation, motor: str) -> Floats:
+    """The radius of the wheel that a motor drives, or 1 where it drives a joint, (batch,)."""
+    wheels = s.numpy.metadata["geometry"]["wheels"]
+    driven = s.numpy.metadata["motors"][motor]["drives"]
+    return _value(s, wheels[driven]["radius"] if driven in wheels else "1", s.q)
+
+
+def _motion(s: Situation, rates: Floats, kind: str, part: str) -> list[Floats]:
+    """How fast x, y and heading of a part change while q moves at `rates`, by differences of order 4, (batch,) each."""
+    texts = [s.numpy.metadata["geometry"][kind][part][key] for key in ("x", "y", "heading")]
+
+    def change(text: str, step: float) -> Floats:
+        return (_value(s, text, s.q + step * rates) - _value(s, text, s.q - step * rates)) / (2.0 * step)
+
+    return [(4.0 * change(text, 1e-3) - change(text, 2e-3)) / 3.0 for text in texts]
+
+
+def _value(s: Situation, text: str, q: Floats) -> Floats:
+    """The value of a formula of coordinates and parameters, (batch,)."""
+    names = [*s.numpy.state_units][: q.shape[1]]
+    numbers = dict(zip(names, q.T, strict=True)) | dict(zip(s.numpy.parameter_units, s.p.T, strict=True))
+    return numpy_value(text, numbers) + np.zeros(len(q))
+
+
 def _of_motors(s: Situation, key: str) -> Floats:
     """A motor constant of every motor, from its formula in the physical parameters, (batch, n_u)."""
     names = dict(zip(s.numpy.parameter_units, s.p.T, strict=True))
@@ -97,6 +150,8 @@ LAWS = (
     Law("dissipation", "back-EMF damps: its share in Cbar is symmetric, not negative", 1e-10, _damping_dissipates),
     Law("power balance", "kinetic energy changes by motor work minus dissipation", 1e-10, _power_balance),
     Law("virtual power", "motors act on v as their shafts turn: Bbar = X^T", 1e-12, _motors_act_where_they_turn),
+    Law("no slip", "Z S is zero sideways, and the motors' radius or 1 times X", 1e-12, _slip_is_zero_without_slip),
+    Law("speeds of slip", "Z q' is how contacts and joints move", 1e-8, _slip_is_how_contacts_move),
     Law(
         "stops of joints", "their distances change by J v", 1e-10, _stops_move_as_their_joints,
         lambda model: model.has("joint_stops"),

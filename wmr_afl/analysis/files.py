@@ -117,14 +117,14 @@ def columns(run: Run) -> list[str]:
 def _lines(run: Run) -> Iterator[str]:
     """Header and samples of a run, a few thousand at a time."""
     yield ",".join(columns(run)) + "\n"
-    optional = (run.deviation, run.observed, run.unexpected, run.slip, run.slip_true)  # in the order of the header
+    surprise = None if run.surprise is None else run.surprise[:, None]
+    optional = (run.deviation, run.observed, run.unexpected, surprise, run.slip, run.slip_true)  # as in the header
     for start in range(0, len(run.time), SAMPLES):
         part = slice(start, start + SAMPLES)
         table = np.hstack([
             run.time[part, None], run.state[part], run.input[part], run.command[part],
             run.reference[part], run.error[part], run.estimate[part],
             *(signal[part] for signal in optional if signal is not None),
-            *(() if run.surprise is None else (run.surprise[part, None],)),
         ])  # fmt: skip
         yield from (",".join(map(repr, row)) + "\n" for row in table.tolist())
 

@@ -287,13 +287,16 @@ def test_what_is_observed_is_logged(tmp_path: Path) -> None:
     assert run.unexpected.shape == run.error.shape
     assert run.slip is not None
     header = columns(run)
-    assert header[-9:] == [
+    assert header[-10:] == [
         "observed_x [m]", "observed_y [m]", "observed_phi [rad]", "observed_v [m/s]", "observed_omega [rad/s]",
-        "unexpected_y1 [m/s^2]", "unexpected_y2 [m/s^2]", "slip_right sideways [m/s]", "slip_left sideways [m/s]",
+        "unexpected_y1 [m/s^2]", "unexpected_y2 [m/s^2]", "surprise [m or rad]", "slip_right sideways [m/s]",
+        "slip_left sideways [m/s]",
     ]  # fmt: skip
     write_results({"pose": run}, tmp_path)
     table = np.loadtxt(tmp_path / "pose.csv", delimiter=",", skiprows=1)
-    np.testing.assert_array_equal(table[:, -9:], np.hstack([run.observed, run.unexpected, run.slip]))
+    assert run.surprise is not None
+    signals = [run.observed, run.unexpected, run.surprise[:, None], run.slip]
+    np.testing.assert_array_equal(table[:, -10:], np.hstack(signals))
     wmr_afl.run_batch(file, scale={"m_C": [1.0]}, trajectories=tmp_path / "runs.h5", backend="casadi")
     with h5py.File(tmp_path / "runs.h5") as record:
         np.testing.assert_allclose(record["observed"][0], run.observed, rtol=1e-9, atol=1e-12)

@@ -120,7 +120,7 @@ def test_a_state_is_put_together_of_what_is_measured(robot: str) -> None:
         np.testing.assert_allclose(measurement.state(measurement.of(x, p, model), p, model), expected, rtol=1e-9)
     assert not Measurement(model, names[1:]).tells_q
     assert not Measurement(model, names[:-1]).tells_v
-    assert not Measurement(model, [*names[:n], list(model.input_units)[0]]).tells_v
+    assert not Measurement(model, [*names[:n], next(iter(model.input_units))]).tells_v
 
 
 def test_noise_is_told_by_name_or_follows_from_what_is_measured() -> None:

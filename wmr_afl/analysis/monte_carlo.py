@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,21 +60,43 @@ class Scores:
         return self.rms.max(axis=2)
 
 
-def score(
-    experiment: Experiment, controller: str, loop: ClosedLoop, differences: Differences, windows: Sequence[Window],
-    threads: int = 1, backend: str = "auto",
-) -> Scores:  # fmt: skip
-    """Run robots that differ in these numbers, and judge each run in these windows.
+@dataclass(frozen=True)
+class Crowd:
+    """Robots at random, the same ones for every law: starts, parameters, first estimates, seeds of noise."""
 
-    Raises:
-        WmrError: if no robot can have these numbers, or a window holds no sample.
-    """
-    options = BatchOptions(experiment.simulation.duration, threads=threads, backend=backend)
-    ensemble = vary(experiment, controller, loop, differences)
-    watched = _Watched(loop, sample_times(loop, options.duration), ensemble.count, windows)
-    with np.errstate(all="ignore"):  # runs that fail grow beyond numbers
-        failed = advance_all(loop, ensemble, options, watched.record).failed
-        return watched.scores(failed)
+    start: Draws
+    robots: Draws
+    guesses: Mapping[str, Draws]  # by the generated function whose values a law estimates
+    seeds: NDArray[np.int64]
+
+    @classmethod
+    def drawn(cls, loop: ClosedLoop, seed: int, count: int) -> Crowd:
+        """Around the robot and the start of a loop."""
+        random, model = np.random.default_rng(seed), loop.model
+        start, robots = starts_around(loop, random, count), robots_around(model, random, count)
+        kinds = ("passivity_parameters", "base_parameters")
+        guesses = {kind: wrong_guesses(model, random, count, kind) for kind in kinds}
+        return cls(start, robots, guesses, seed + np.arange(count))
+
+    def score(
+        self, experiment: Experiment, law: str, loop: ClosedLoop, windows: Sequence[Window],
+        threads: int = 1, backend: str = "auto",
+    ) -> Scores:  # fmt: skip
+        """Run every robot under one law of an experiment; a law that says its first estimates keeps them.
+
+        Raises:
+            UnknownNameError: if there is no such backend.
+            WmrError: if no robot can have these numbers.
+        """
+        follows = experiment.controller(law).estimate == "exact"
+        guesses = self.guesses.get(loop.law.knowledge.estimated, {}) if follows else {}
+        seeds = self.seeds if loop.plant.samples else None
+        differences = Differences(start=self.start, scale={**self.robots, **guesses}, seeds=seeds)
+        ensemble = vary(experiment, law, loop, differences)
+        options = BatchOptions(experiment.simulation.duration, threads=threads, backend=backend)
+        watched = _Watched(loop, sample_times(loop, options.duration), ensemble.count, windows)
+        with np.errstate(all="ignore"):  # runs that fail grow beyond numbers
+            return watched.scores(advance_all(loop, ensemble, options, watched.record).failed)
 
 
 class _Watched:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,27 +17,21 @@ from wmr_afl.analysis.monte_carlo import (
     ANGLE,
     DISTANCE,
     SPREAD,
-    Draws,
+    Crowd,
     Scores,
     Window,
-    robots_around,
-    score,
-    starts_around,
-    wrong_guesses,
 )
 from wmr_afl.analysis.plots import Runs
 from wmr_afl.controllers.tables import ControllerTable
 from wmr_afl.errors import SimulationError
 from wmr_afl.experiments.assembly import assemble
 from wmr_afl.experiments.experiment import Experiment, read_experiment
-from wmr_afl.experiments.vary import Differences
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.input_delay import InputDelayTable
 from wmr_afl.plant.measurement_noise import MeasurementNoiseTable
 from wmr_afl.plant.order import UncertaintiesTable
 from wmr_afl.plant.payload_change import PayloadTable
-from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.kernels.c_compiler import compiler
 from wmr_afl.simulation.result import Run
 from wmr_afl.simulation.simulate import simulate
@@ -127,7 +120,8 @@ def measure(
     """
     is_compiled = backend == "compiled" or (backend == "auto" and compiler() is not None)
     count = runs or (RUNS if is_compiled else INTERPRETED_RUNS)
-    crowd = Crowd(count, seed, threads, backend if is_compiled else "casadi")
+    crowd = Crowd.drawn(next(iter(assemble(*read_experiment(STUDY)).values())), seed, count)
+    how = threads, backend if is_compiled else "casadi"
     single: dict[str, Runs] = {}
     for study in (STUDY, SLIPPING):
         report(f"one robot, {study}")
@@ -143,9 +137,10 @@ def measure(
     }
     for name, (trouble, laws, windows) in cases.items():
         scores[name] = {}
-        for law, table in laws.items():
+        experiment, path = trouble.experiment(laws)
+        for law, loop in assemble(experiment, path).items():
             report(f"{count} robots, {name}, {law}")
-            scores[name][law] = crowd.under(trouble, law, table, windows)
+            scores[name][law] = crowd.score(experiment, law, loop, windows, *how)
     return Beyond(single, scores, list(_sheets(single, troubled, scores, count, seed)))
 
 
@@ -197,43 +192,6 @@ def one_robot(trouble: Trouble, laws: Mapping[str, str], backend: str = "auto") 
     return {name: simulate(loop, experiment.simulation.duration, name, backend) for name, loop in loops.items()}
 
 
-@dataclass(frozen=True)
-class Crowd:
-    """Robots at random, the same ones for every law: starts, parameters and first estimates."""
-
-    count: int
-    seed: int = SEED
-    threads: int = 1
-    backend: str = "auto"
-
-    @cached_property
-    def _draws(self) -> tuple[Draws, Draws, dict[str, Draws]]:
-        loop = next(iter(assemble(*read_experiment(STUDY)).values()))
-        return draws(loop, self.seed, self.count)
-
-    def differences(self, law: str, loop: ClosedLoop) -> Differences:
-        """Of robots under a law; the paper's laws begin with estimates of 1, as they are shipped."""
-        start, robots, guesses = self._draws
-        guess = {} if law in SHIPPED else guesses[loop.law.knowledge.estimated]
-        seeds = self.seed + np.arange(self.count) if loop.plant.samples else None
-        return Differences(start=start, scale={**robots, **guess}, seeds=seeds)
-
-    def under(self, trouble: Trouble, law: str, table: str, windows: Sequence[Window] = (SETTLED,)) -> Scores:
-        """What the robots come to under one law."""
-        experiment, path = trouble.experiment({law: table})
-        loop = assemble(experiment, path)[law]
-        differences = self.differences(law, loop)
-        return score(experiment, law, loop, differences, windows, self.threads, self.backend)
-
-
-def draws(loop: ClosedLoop, seed: int, count: int) -> tuple[Draws, Draws, dict[str, Draws]]:
-    """Starts, factors on parameters, and factors on the first estimates of either kind of law."""
-    random, model = np.random.default_rng(seed), loop.model
-    start, robots = starts_around(loop, random, count), robots_around(model, random, count)
-    kinds = ("passivity_parameters", "base_parameters")
-    return start, robots, {kind: wrong_guesses(model, random, count, kind) for kind in kinds}
-
-
 def _more_trouble(seed: int) -> dict[str, Trouble]:
     return {
         "masses double at 70 s": Trouble(payload_at=70.0),
@@ -242,16 +200,17 @@ def _more_trouble(seed: int) -> dict[str, Trouble]:
     }
 
 
-def quantiles(errors: Floats) -> tuple[str, str, str]:
+def quantiles(errors: Floats) -> tuple[float, float, float]:
     """Median, 99 % and worst of errors [m], in mm; failed runs are infinite."""
     mm = 1e3 * errors
-    return f"{np.median(mm):.2f}", f"{np.quantile(mm, 0.99, method='higher'):.2f}", f"{mm.max():.2f}"
+    return float(np.median(mm)), float(np.quantile(mm, 0.99, method="higher")), float(mm.max())
 
 
-def judged(scores: Scores) -> tuple[str, ...]:
+def judged(scores: Scores, window: int = 0) -> tuple[str, ...]:
     """Median, 99 %, worst [mm], share above 10 mm [%] and travel [V/s]: a row without its name."""
-    errors = scores.worse[0]
-    return (*quantiles(errors), f"{100.0 * np.mean(errors > 0.01):.1f}", f"{np.median(scores.travel):.0f}")
+    errors = scores.worse[window]
+    share, path = 100.0 * np.mean(errors > 0.01), np.median(scores.travel)
+    return (*(f"{value:.2f}" for value in quantiles(errors)), f"{share:.1f}", f"{path:.0f}")
 
 
 JUDGED = ("median [mm]", "99 %", "worst", "above 10 mm [%]", "travel [V/s]")
@@ -274,7 +233,7 @@ def _sheets(
     many = f"{count} robots"
     rows = {law: judged(one) for law, one in scores[STUDY].items()}
     yield Sheet(f"Study 2, {many}", crowd, ("law", *JUDGED), _named(rows))
-    slips = {law: (*quantiles(one.worse[1]), *judged(one)) for law, one in scores[SLIPPING].items()}
+    slips = {law: (*judged(one, 1)[:3], *judged(one)) for law, one in scores[SLIPPING].items()}
     headings = ("law", "slip: median [mm]", "99 %", "worst", "since 10 s: median [mm]", *JUDGED[1:])
     text = f"{crowd} Wheels slip from 50 s to 70 s; the first three numbers are of these seconds."
     yield Sheet(f"Study 3, {many}", text, headings, _named(slips))

@@ -102,15 +102,15 @@ def limits(runs: int, folder: Path) -> Iterator[list[str]]:
     wide = "learning = { box = 30.0 }\n"
     slow, edge = {"sample_time = 0.02 ": "sample_time = 0.04 "}, {"sin(3*t)": "sin(10*t)"}
     cases: tuple[tuple[str, str, str, dict[str, str], bool], ...] = (
-        ("samples of 20 ms", "study_2", POSE, {}, False),
+        ("study 2", "study_2", POSE, {}, False),
         ("samples of 40 ms", "study_2", POSE, slow, False),
         ("force of 10 rad/s", "study_2", POSE, edge, False),
         ("force of 10 rad/s, frozen (25), w = 40", "study_2", frozen(40), edge, False),
         ("each physical parameter wrong by three, box 4", "study_2", POSE, {}, True),
-        ("the same, box 30", "study_2", POSE + wide, {}, True),
+        ("each physical parameter wrong by three, box 30", "study_2", POSE + wide, {}, True),
         ("study 1", "study_1", POSE, {}, False),
         ("study 1, each physical parameter wrong by three, box 4", "study_1", POSE, {}, True),
-        ("the same, box 30", "study_1", POSE + wide, {}, True),
+        ("study 1, each physical parameter wrong by three, box 30", "study_1", POSE + wide, {}, True),
     )
     for case, name, table, changes, is_physical in cases:
         file = with_controllers(name, {"law": table}, folder, changes)

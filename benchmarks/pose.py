@@ -101,6 +101,7 @@ def limits(runs: int, folder: Path) -> Iterator[list[str]]:
     """A row for each case that is hard: how many runs fail or err by more than 50 mm, and how far inputs travel."""
     wide = "learning = { box = 30.0 }\n"
     slow, edge = {"sample_time = 0.02 ": "sample_time = 0.04 "}, {"sin(3*t)": "sin(10*t)"}
+    limited = {"[simulation]\n": "[uncertainties]\ninput_limits = { volts = 24.0 }\n\n[simulation]\n"}
     cases: tuple[tuple[str, str, str, dict[str, str], bool], ...] = (
         ("study 2", "study_2", POSE, {}, False),
         ("samples of 40 ms", "study_2", POSE, slow, False),
@@ -111,6 +112,8 @@ def limits(runs: int, folder: Path) -> Iterator[list[str]]:
         ("study 1", "study_1", POSE, {}, False),
         ("study 1, each physical parameter wrong by three, box 4", "study_1", POSE, {}, True),
         ("study 1, each physical parameter wrong by three, box 30", "study_1", POSE + wide, {}, True),
+        ("study 1 with 24 V", "study_1", POSE, limited, False),
+        ("study 1 with 24 V, each physical parameter wrong by three, box 4", "study_1", POSE, limited, True),
     )
     for case, name, table, changes, is_physical in cases:
         file = with_controllers(name, {"law": table}, folder, changes)

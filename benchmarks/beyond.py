@@ -1,4 +1,4 @@
-"""`python -m benchmarks.beyond [--runs N] [--page docs/studies.md]`: the report's tables beyond the paper, for a page."""
+"""`python -m benchmarks.beyond [--runs N] [--page FILE]`: the report's tables beyond the paper, for a page."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 
 import wmr_afl
 from benchmarks.laws import scored, with_controllers
@@ -236,7 +237,7 @@ def main() -> None:
         for name, (title, headings, measured) in TABLES.items():
             if given.only in (None, name):
                 found = list(measured(given.runs, Path(folder)))
-                Console(width=160).print(title, in_terminal(headings, found))
+                Console(width=160).print(escape(title), in_terminal(headings, found))
                 if given.page is not None:
                     marks = f"<!-- {name} -->", f"<!-- end of {name} -->"
                     replace_between(given.page, marks, f"{title}:\n\n{in_markdown(headings, found, left=1)}")

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -18,41 +17,15 @@ from rich.console import Console
 import wmr_afl
 from benchmarks.tables import in_markdown, in_terminal, replace_between
 from wmr_afl.analysis.campaign_plots import draw_comparison
+from wmr_afl.analysis.monte_carlo import Crowd, starts_around, wrong_guesses
+from wmr_afl.analysis.paper.beyond import JUDGED, SETTLED, frozen, judged
 from wmr_afl.analysis.plots import save
 from wmr_afl.experiments.experiment import find_experiment
 from wmr_afl.experiments.load import load_experiment
 
-Draws = dict[str, NDArray[np.float64]]
 SEED = 4242
-SAMPLES_LOGGED = 100  # runs of which the inputs are recorded, for their travel
 LAWS = ("exact", "frozen", "direct", "composite")
 PAPER = "frozen (25), b1 = 2 w, b2 = w^2"
-OFF = 3.0  # first estimates are wrong by up to this factor, up or down
-
-
-def wrong_guesses(robot: str, random: np.random.Generator, count: int, base: str = "passivity_parameters") -> Draws:
-    """Factors on every entry of the first estimate, as likely too small as too large."""
-    names = wmr_afl.load_model(robot).units_of(base)
-    return {f"estimates.{name}": OFF ** random.uniform(-1.0, 1.0, count) for name in names}
-
-
-def somewhat_different(robot: str, random: np.random.Generator, count: int) -> Draws:
-    """Robots whose uncertain parameters are off by up to 30 %."""
-    model = wmr_afl.load_model(robot)
-    uncertain = [name for name in model.parameter_units if name not in model.known_units]
-    return {f"parameters.{name}": random.uniform(0.7, 1.3, count) for name in uncertain}
-
-
-def starts_around(experiment: Path, random: np.random.Generator, count: int) -> Draws:
-    """Within a metre and a radian of an experiment's start."""
-    loop = next(iter(load_experiment(experiment).loops.values()))
-    start = dict(zip(loop.model.state_units, loop.plant.start, strict=True))
-    angle, distance = random.uniform(0.0, 2.0 * np.pi, count), np.sqrt(random.uniform(0.0, 1.0, count))
-    return {
-        "x": start["x"] + distance * np.cos(angle),
-        "y": start["y"] + distance * np.sin(angle),
-        "phi": start["phi"] + random.uniform(-1.0, 1.0, count),
-    }
 
 
 def with_controllers(name: str, controllers: Mapping[str, str], folder: Path, changes: Mapping[str, str]) -> Path:
@@ -99,7 +72,7 @@ def robots(runs: int, folder: Path, noise: float, by_entry: bool) -> Iterator[li
         duration = find_experiment(f"track_{robot}").read_text(encoding="utf-8").split("duration = ")[1].split()[0]
         changes = {"[uncertainties]\n": told, f"duration = {duration}": "duration = 90.0"}
         file = with_controllers(f"track_{robot}", tables, folder, changes)
-        guesses = wrong_guesses(robot, random, runs)
+        guesses = wrong_guesses(wmr_afl.load_model(robot), random, runs)
         seeds = SEED + np.arange(runs if noise else 1)
         errors = {}
         for law in LAWS:
@@ -148,7 +121,8 @@ def study_1(runs: int, folder: Path) -> Iterator[list[str]]:
     }
     file = with_controllers("study_1", laws, folder, {})
     random = np.random.default_rng(SEED)
-    start, guesses = starts_around(file, random, runs), wrong_guesses("type_2_0", random, runs)
+    loop = load_experiment(file).loops["direct"]
+    start, guesses = starts_around(loop, random, runs), wrong_guesses(loop.model, random, runs)
     for law in laws:
         factors = guesses if law in ("direct", "composite") else {"estimates.theta1": np.ones(runs)}
         batch = wmr_afl.run_batch(file, law, scale=factors, start=start, since=100.0)
@@ -166,20 +140,16 @@ def study_2(runs: int, folder: Path) -> Iterator[list[str]]:
     laws[f"composite, rate = 20, {calm}"] = laws["composite, rate = 20"] + f"\nlearning = {{ {calm} }}"
     laws["direct, rate = 15"] = 'law = "direct"\nrate = 15\nreference_rate = 1.0'
     laws["frozen, rate = 15"] = 'law = "frozen"\nrate = 15\nreference_rate = 1.0'
-    for w in (15, 20, 30, 40):
-        laws[f"{PAPER}, w = {w}"] = f"outer_loop = {{ b1 = {2 * w}.0, b2 = {w * w}.0 }}"
-    file = with_controllers("study_2", laws, folder, {})
-    random = np.random.default_rng(SEED)
-    start, robots = starts_around(file, random, runs), somewhat_different("type_2_0", random, runs)
-    guesses = wrong_guesses("type_2_0", random, runs)
-    theta = wrong_guesses("type_2_0", random, runs, "base_parameters")
+    laws |= {f"{PAPER}, w = {w}": frozen(w) for w in (15, 20, 30, 40)}
+    return scored(with_controllers("study_2", laws, folder, {}), laws, runs, SEED)
+
+
+def scored(file: Path, laws: Iterable[str], runs: int, seed: int) -> Iterator[list[str]]:
+    """A row for each law of an experiment, under the draws of a seed; first estimates are wrong by up to three."""
+    loaded = load_experiment(file)
+    crowd = Crowd.drawn(next(iter(loaded.loops.values())), seed, runs)
     for law in laws:
-        scale = {**robots, **(theta if law.startswith(PAPER) else guesses)}
-        batch = wmr_afl.run_batch(file, law, scale=scale, start=start, since=10.0)
-        rms = np.where(np.isfinite(batch.failure_time), np.inf, batch.rms.max(axis=1)) * 1e3
-        travel = travels(file, law, scale, start, folder)
-        figures = [f"{np.median(rms):.2f}", f"{np.quantile(rms, 0.99, method='higher'):.2f}", f"{rms.max():.2f}"]
-        yield [law, *figures, f"{100 * np.mean(rms > 10.0):.1f}", f"{np.median(travel):.0f}"]
+        yield [law, *judged(crowd.score(loaded.experiment, law, loaded.loops[law], (SETTLED,), threads=2))]
 
 
 def shipped_draws(runs: int, folder: Path) -> Iterator[list[str]]:
@@ -189,21 +159,6 @@ def shipped_draws(runs: int, folder: Path) -> Iterator[list[str]]:
         low, high = one["failed_95"]
         rate = f"{100 * one['failed']:.1f} ({100 * low:.1f} to {100 * high:.1f})"
         yield [law, rate, *("fails" if one[key] is None else f"{one[key]:.1e}" for key in ("rms_median", "rms_worst"))]
-
-
-def travels(file: Path, law: str, scale: Draws, start: Draws, folder: Path) -> NDArray[np.float64]:
-    """How far the inputs of some of the runs travel after 10 s [V/s], a mean over the motors."""
-    some = slice(0, SAMPLES_LOGGED)
-    log = folder / "runs.h5"
-    wmr_afl.run_batch(
-        file, law, scale={name: column[some] for name, column in scale.items()},
-        start={name: column[some] for name, column in start.items()}, trajectories=log,
-    )  # fmt: skip
-    with h5py.File(log) as runs:
-        late = runs["time"][:] >= 10.0
-        inputs, time = runs["input"][:][:, late], runs["time"][:][late]
-    log.unlink()
-    return np.asarray(np.abs(np.diff(inputs, axis=1)).sum(axis=1).mean(axis=1) / (time[-1] - time[0]))
 
 
 OF_ROBOTS = ("robot", *LAWS, "composite / exact", "frozen / composite")
@@ -245,7 +200,7 @@ TABLES = {
     ),
     "study 2": (
         "Study 2: robots off by 30 %, first estimates wrong by up to 3, starts within 1 m and 1 rad",
-        ("law", "median [mm]", "99 %", "worst", "above 10 mm [%]", "travel [V/s]"),
+        ("law", *JUDGED),
         study_2,
     ),
 }  # fmt: skip

@@ -69,7 +69,7 @@ def draw_comparison(results: Results) -> Figure:
             columns = [index for index, other in enumerate(some.outputs.values()) if other == unit]
             for index, (name, result) in enumerate(results.items()):
                 errors = np.sort(result.runs.rms[:, columns].max(axis=1))
-                _draw_shares(axes, errors, plots.verbatim(name), index)
+                draw_shares(axes, errors, plots.verbatim(name), index)
             if some.criteria.rms is not None:
                 axes.axvline(some.criteria.rms, label="wanted", **plots.REFERENCE)
             axes.set(xscale="log", ylim=(0.0, 105.0), xlabel=f"RMS tracking error [{unit}]")
@@ -79,7 +79,7 @@ def draw_comparison(results: Results) -> Figure:
     return figure
 
 
-def _draw_shares(axes: Axes, errors: Floats, label: str, index: int) -> None:
+def draw_shares(axes: Axes, errors: Floats, label: str, index: int) -> None:
     """The share of all runs below each error, of errors in order; those of failed runs are infinite."""
     share, kept = np.arange(1, len(errors) + 1) / len(errors), np.isfinite(errors) & (errors > 0.0)
     axes.step(errors[kept], 100.0 * share[kept], where="post", label=label, **plots.style_of(index))
@@ -92,7 +92,7 @@ def draw_errors(result: CampaignResult) -> Figure:
         axes = figure.subplots()
         units = []
         for index, (output, unit) in enumerate(result.outputs.items()):
-            _draw_shares(axes, np.sort(result.runs.rms[:, index]), f"{output} [{unit}]", index)
+            draw_shares(axes, np.sort(result.runs.rms[:, index]), f"{output} [{unit}]", index)
             units.append(unit)
         if result.criteria.rms is not None:
             axes.axvline(result.criteria.rms, label="wanted", **plots.REFERENCE)

@@ -15,6 +15,7 @@ from tests.wmr_afl.model.sealing import sealed
 from wmr_afl import load_model
 from wmr_afl.analysis import campaign_plots, plots
 from wmr_afl.analysis.excitation import sentence
+from wmr_afl.analysis.paper.beyond_figures import CAPTIONS
 from wmr_afl.analysis.paper.claims import CLAIMS
 from wmr_afl.analysis.paper.figures import FIGURES
 from wmr_afl.cli import app, progress, terminal
@@ -390,7 +391,7 @@ def test_an_animation_plays_as_long_as_it_is_told(short: Path, monkeypatch: pyte
 @pytest.fixture
 def fake_studies(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Runs of two seconds in the place of the studies, by name of the experiment."""
-    from wmr_afl.analysis.paper import figures, robustness
+    from wmr_afl.analysis.paper import beyond, beyond_figures, figures
     from wmr_afl.cli import reproduction
 
     asked: list[str] = []
@@ -402,7 +403,14 @@ def fake_studies(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return wmr_afl.run(Path(f"{experiment}.toml"), backend, controllers)
 
     monkeypatch.setattr(reproduction, "run_with_progress", run)
-    monkeypatch.setattr(robustness, "beyond", lambda study: iter([robustness.Row("trouble", {"AFL": study})]))
+
+    def measured(runs: int | None, backend: str, report: Any) -> beyond.Beyond:
+        asked.append(f"{runs} robots, {backend}")
+        report("something")
+        return beyond.Beyond({}, {}, [beyond.Sheet("trouble", "a note", ("law", "error"), (("AFL", "0.123"),))])
+
+    monkeypatch.setattr(beyond, "measure", measured)
+    monkeypatch.setattr(beyond_figures, "draw_beyond", lambda name, found: plots.new_figure(1.0, 1.0))
     monkeypatch.setattr(figures, "draw", lambda name, runs: plots.new_figure(1.0, 1.0))
     return asked
 
@@ -414,6 +422,7 @@ def test_a_figure_of_the_paper_is_drawn_alone(fake_studies: list[str], tmp_path:
     assert fake_studies == ["study_3"]
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"fig10.png", "fig10.svg", "study_3"}
     assert not (tmp_path / "out" / "report.html").exists()
+    assert "trouble" not in done.output
     assert f"fig10: {tmp_path / 'out' / 'fig10.png'}, {tmp_path / 'out' / 'fig10.svg'}" in done.output
 
 
@@ -421,12 +430,18 @@ def test_the_whole_paper_is_reproduced_with_every_claim_judged(fake_studies: lis
     """Every study once, every figure, the report and a table of verdicts."""
     done = call("reproduce", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.output
-    assert sorted(fake_studies) == ["study_1", "study_2", "study_2_high_gain", "study_3"]
-    assert {f"{name}.png" for name in FIGURES} <= {path.name for path in (tmp_path / "out").iterdir()}
+    studies = ["study_1", "study_2", "study_2_high_gain", "study_3"]
+    assert sorted(fake_studies) == ["None robots, auto", *studies]
+    assert {f"{name}.png" for name in (*FIGURES, *CAPTIONS)} <= {path.name for path in (tmp_path / "out").iterdir()}
     assert "trouble" in (tmp_path / "out" / "report.html").read_text()
     verdicts = [row for row in rows(done.output) if row and row[-1] in ("met", "not met")]
     assert [row[1] for row in verdicts] == [claim.text for claim in CLAIMS]
     assert verdicts[0][-1] == "not met"  # after two seconds, nothing since 100 s
+    assert ["AFL", "0.123"] in rows(done.output)
+    assert "a note" in done.output
+    call("reproduce", "--out", tmp_path / "out", "--runs", 5, "--backend", "casadi")
+    assert fake_studies[-1] == "5 robots, casadi"
+    assert call("reproduce", "--runs", 0).exit_code == 2
 
 
 def test_progress_is_that_of_every_controller(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from wmr_afl.analysis.excitation import excitation, sentence
 from wmr_afl.analysis.metrics import SETTLED, metrics
+from wmr_afl.analysis.paper.beyond import DELAYED, NOISY, ONE_ROBOT, Beyond
+from wmr_afl.analysis.paper.beyond_figures import CAPTIONS
 from wmr_afl.analysis.paper.claims import CLAIMS
 from wmr_afl.analysis.paper.figures import FIGURES
-from wmr_afl.analysis.paper.robustness import Row
 from wmr_afl.analysis.plots import Runs
 from wmr_afl.errors import SimulationError, WmrError
 from wmr_afl.experiments.experiment import read_experiment
@@ -24,14 +25,16 @@ from wmr_input.whole_files import write_whole
 _ENVIRONMENT = Environment(loader=FileSystemLoader(Path(__file__).parent), undefined=StrictUndefined, autoescape=True)
 
 
-def write_report(studies: Mapping[str, Runs], pictures: Mapping[str, Path], beyond: Sequence[Row], path: Path) -> Path:
-    """Write the page on these studies; `pictures`: PNG files by the figures' names.
+def write_report(studies: Mapping[str, Runs], pictures: Mapping[str, Path], beyond: Beyond | None, path: Path) -> Path:
+    """Write the page on these studies, and on what is beyond them; `pictures`: PNG files by the figures' names.
 
     Raises:
         WmrError: if it cannot be written.
     """
     parts = [_study(name, runs, pictures) for name, runs in studies.items()]
-    text = _ENVIRONMENT.get_template("report.html.jinja").render(studies=parts, beyond=list(beyond))
+    text = _ENVIRONMENT.get_template("report.html.jinja").render(
+        studies=parts, beyond=None if beyond is None else _beyond(beyond, pictures)
+    )
     try:
         write_whole(path, text)
     except OSError as error:
@@ -50,16 +53,22 @@ def _study(name: str, runs: Runs, pictures: Mapping[str, Path]) -> dict[str, Any
         "settled_since": f"{SETTLED * experiment.simulation.duration:g}",
         "metrics": [_metrics(run) for run in runs.values()],
         "figures": [
-            {
-                "name": figure,
-                "caption": FIGURES[figure].caption,
-                "png": base64.b64encode(png.read_bytes()).decode("ascii"),
-            }
+            {"name": figure, "caption": FIGURES[figure].caption, "png": _inline(png)}
             for figure, png in pictures.items()
-            if FIGURES[figure].experiment == name
+            if figure in FIGURES and FIGURES[figure].experiment == name
         ],
         "excitation": _excitation(runs),
     }
+
+
+def _beyond(beyond: Beyond, pictures: Mapping[str, Path]) -> dict[str, Any]:
+    figures = [{"caption": CAPTIONS[name], "png": _inline(png)} for name, png in pictures.items() if name in CAPTIONS]
+    laws = {**NOISY, **DELAYED, **ONE_ROBOT}
+    return {"sheets": beyond.sheets, "figures": figures, "laws": {law: table for law, table in laws.items() if table}}
+
+
+def _inline(png: Path) -> str:
+    return base64.b64encode(png.read_bytes()).decode("ascii")
 
 
 def _metrics(run: Run) -> dict[str, Any]:

@@ -215,7 +215,7 @@ def test_a_study_whose_runs_fail_still_yields_its_report(runs: dict[str, dict[st
         for name, one in runs["study_2"].items()
     }
     png, _ = plots.save(draw("fig6", lost), tmp_path / "fig6")
-    page = write_report({"study_2": lost}, {"fig6": png}, [], tmp_path / "report.html").read_text()
+    page = write_report({"study_2": lost}, {"fig6": png}, None, tmp_path / "report.html").read_text()
     assert "stopped at t = 0 s: the input is not finite" in page
     assert "not met" in page
     assert "data:image/png;base64," in page

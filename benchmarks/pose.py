@@ -24,7 +24,9 @@ from wmr_afl.analysis.monte_carlo import OFF, Crowd, Draws, robots_around, wrong
 from wmr_afl.analysis.paper.beyond import (
     CALM_MEASURED,
     CALM_POSE,
+    ENCODERS,
     JUDGED,
+    KALMAN,
     MEASURED,
     OBSERVING,
     POSE,
@@ -43,6 +45,8 @@ STUDY = {
     "pose": POSE,
     "pose, d^ not cancelled": POSE + "observer = { cancel = false }",
     "pose, cancelled and kept in the data": POSE + "observer = { separate = false }",
+    "pose, Kalman": KALMAN,
+    "pose and encoders, Kalman": ENCODERS,
     "pose, linearizing, frozen": 'measures = "pose"\nreference_rate = 1.0\nouter_loop = { bandwidth = 15.0 }',
     "v measured, with observer, rate = 20": OBSERVING,
     "v measured, composite, rate = 20": MEASURED + "rate = 20.0\nlearning = { noise = 3.0, gain = 0.3 }",
@@ -53,11 +57,15 @@ NOISY = {
     "pose": POSE,
     "pose, observer 20, loop 10": CALM,
     "pose, observer 12, loop 12": CALM_POSE,
+    "pose, Kalman": KALMAN,
+    "pose, Kalman, observer 20, loop 15": KALMAN.replace("{ kind", "{ rate = 20.0, kind"),
+    "pose and encoders, Kalman": ENCODERS,
     "v measured, composite, rate = 10": CALM_MEASURED,
     "v measured, frozen (25), w = 20": frozen(20),
 }
 DELAYED = {
     "pose": POSE,
+    "pose, Kalman": KALMAN,
     "pose, predicted": POSE + "observer = { predict = true }",
     "pose, predicted, loop 15": POSE + "rate = 12.96\nobserver = { predict = true }",
     "v measured, composite": MEASURED,
@@ -160,7 +168,12 @@ def robots(runs: int, folder: Path) -> Iterator[list[str]]:
         )
         duration = find_experiment(f"track_{robot}").read_text(encoding="utf-8").split("duration = ")[1].split()[0]
         row = [robot]
-        for table, noise in ((POSE, 0.0), (CALM, 1e-3), (MEASURED + "rate = 15.0\nobserver = {}", 0.0)):
+        for table, noise in (
+            (POSE, 0.0),
+            (CALM, 1e-3),
+            (KALMAN, 1e-3),
+            (MEASURED + "rate = 15.0\nobserver = {}", 0.0),
+        ):
             told = forces
             if noise:
                 deviation = [noise] * len(loop.model.state_units)
@@ -176,6 +189,27 @@ def robots(runs: int, folder: Path) -> Iterator[list[str]]:
             fails = int(np.count_nonzero(~(rms < 50.0)))
             row.append(f"{np.median(rms):.2f} ({rms.max():.2f})" + (f", {fails} fail" if fails else ""))
         yield row
+
+
+def further(runs: int, folder: Path) -> Iterator[list[str]]:
+    """Study 2 with something else that goes wrong: RMS after 10 s of the worse output, and travel."""
+    heavy = "payload = { time = 70.0, parameters = { m_C = 20.0, m_w = 0.4, I_m = 0.012, I_C = 6.0 } }\n"
+    rest = 'expressions = { y1 = "2.5 + 2*tanh((t - 20)/8)", y2 = "5.5 + 0.5*tanh((t - 20)/8)" }'
+    force = 'disturbance = { expression = "10*sin(3*t)", on = "pseudo_velocities" }'
+    here = "figure_eight = { center = [2.5, 5.5], radius = 2.0, rate = 0.05 }"
+    cases: tuple[tuple[str, dict[str, str], float], ...] = (
+        ("masses double at 70 s", {"[uncertainties]\n": f"[uncertainties]\n{heavy}"}, 10.0),
+        ("motors of 9 V, too weak for the force", {"volts = 24.0": "volts = 9.0"}, 10.0),
+        ("it stops; friction alone, since 60 s", {force: "", here: rest}, 60.0),
+    )
+    laws = {"pose": POSE, "pose, Kalman": KALMAN, "v measured, with observer, rate = 20": OBSERVING}
+    for case, changes, since in cases:
+        file = with_controllers("study_2", laws, folder, changes)
+        loaded = load_experiment(file)
+        crowd = Crowd.drawn(next(iter(loaded.loops.values())), SEED, runs)
+        for law, loop in loaded.loops.items():
+            scores = crowd.score(loaded.experiment, law, loop, ((since, np.inf),), threads=2)
+            yield [case, law, *judged(scores)]
 
 
 HEADINGS = ("law", *JUDGED)
@@ -218,9 +252,20 @@ TABLES: dict[str, tuple[str, tuple[str, ...], Callable[[int, Path], Iterator[lis
         ("case", "median [mm]", "99 %", "worst", "lost [%] (95 %)", "travel [V/s]"),
         limits,
     ),
+    "pose, further": (
+        "Study 2 with something else that goes wrong",
+        ("case", "law", *JUDGED),
+        further,
+    ),
     "pose, robots": (
         "Tracks under friction and a force of 3 rad/s, RMS of the last 40 s [mm], median (worst)",
-        ("robot", "pose alone", "with noise of 1 mm, observer 20, loop 10", "v measured, with observer"),
+        (
+            "robot",
+            "pose alone",
+            "noise of 1 mm, observer 20, loop 10",
+            "noise of 1 mm, Kalman",
+            "v measured, with observer",
+        ),
         lambda runs, folder: robots(max(1, runs // 5), folder),
     ),
 }

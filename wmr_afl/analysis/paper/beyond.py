@@ -51,6 +51,8 @@ ONES = "estimate = 1.0\n"  # the paper's first estimates
 # Laws as tables of an experiment. Those of the paper are study 2's, as they are shipped, from estimates of 1.
 POSE = 'law = "composite"\nmeasures = "pose"\nreference_rate = 1.0\n'
 CALM_POSE = POSE + "rate = 10.66\nobserver = { rate = 12.0 }\n"  # both at 12 /s
+KALMAN = POSE + 'observer = { kind = "kalman" }\n'
+ENCODERS = POSE.replace('measures = "pose"', 'measured = ["x", "y", "phi", "u_r", "u_l"]')  # of both motors
 MEASURED = 'law = "composite"\nreference_rate = 1.0\n'
 OBSERVING = MEASURED + "rate = 20.0\nobserver = {}\nlearning = { noise = 1.0 }\n"
 CALM_MEASURED = MEASURED + "rate = 10.0\nlearning = { noise = 0.5, filter = 0.5, gain = 0.3 }\n"
@@ -68,6 +70,7 @@ LAWS = {
     **FROZEN,
     "composite, v measured": OBSERVING,
     "composite, pose alone": POSE,
+    "composite, pose alone, Kalman": KALMAN,
 }
 ONE_ROBOT = {**LAWS, "composite, pose alone, swift": POSE.replace("reference_rate = 1.0", "reference_rate = 5.0")}
 NOISY = {
@@ -75,11 +78,14 @@ NOISY = {
     "composite, v measured, rate 10": CALM_MEASURED,
     "composite, pose alone": POSE,
     "composite, pose alone, 12 /s": CALM_POSE,
+    "composite, pose alone, Kalman": KALMAN,
+    "composite, pose and encoders": ENCODERS,
 }
 DELAYED = {
     "frozen (25), w = 15": frozen(15),
     "composite, v measured": MEASURED,
     "composite, pose alone": POSE,
+    "composite, pose alone, Kalman": KALMAN,
 }
 NOISES = {"1 mm": 1e-3, "3 mm": 3e-3, "1 cm": 1e-2}  # in m, rad, m/s and rad/s
 DELAY = 0.04  # [s]

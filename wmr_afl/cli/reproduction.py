@@ -71,10 +71,12 @@ def reproduce(
 
 def _print_sheets(sheets: Sequence[Sheet]) -> None:
     for sheet in sheets:
-        table = Table(*map(escape, sheet.headings), title=escape(sheet.title), title_justify="left")
+        table = Table(box=None, header_style="bold")
+        for index, heading in enumerate(sheet.headings):
+            table.add_column(escape(heading), justify="right" if index else "left", no_wrap=index == 0)
         for row in sheet.rows:
             table.add_row(*map(escape, row))
-        console.print(table, escape(sheet.note), highlight=False)
+        console.print(f"\n[bold]{escape(sheet.title)}[/bold]", escape(sheet.note), table, sep="\n", highlight=False)
 
 
 def _print_verdicts(studies: dict[str, dict[str, Run]]) -> None:

@@ -4,8 +4,10 @@ import re
 
 import pytest
 
+from benchmarks.beyond import MARKS as MARKS_BEYOND
 from benchmarks.studies import CLAIMED, HEADINGS, MARKS, STUDIES, rows
 from tests.conftest import ROOT
+from wmr_afl.analysis.paper.beyond import ONE_ROBOT, SETTLED, WHOLE, Trouble, one_robot
 
 
 def told() -> dict[tuple[str, str], list[str]]:
@@ -38,3 +40,16 @@ def test_the_text_agrees_with_the_table() -> None:
     assert high["AFL"][2] > 40.0
     assert all(high[name][0] < CLAIMED for name in ("AFL with leakage", "robust AFL"))
     assert high["robust AFL"][2] > 40.0 > high["AFL with leakage"][2]
+
+
+def test_the_page_tells_what_is_beyond_the_paper() -> None:
+    """Of the paper's robot, under the laws that do not chatter; the digits are the same everywhere."""
+    page = (ROOT / "docs" / "studies.md").read_text().partition(MARKS_BEYOND[0])[2].partition(MARKS_BEYOND[1])[0]
+    lines = [re.split(r" *\| *", line.strip("| ")) for line in page.splitlines() if line.startswith("| ")]
+    own = lines[: next(index for index, line in enumerate(lines) if line[0] == "law" and index)]
+    laws = {law: table for law, table in ONE_ROBOT.items() if law != "robust AFL"}
+    runs = one_robot(Trouble(), laws)
+    for law, run in runs.items():
+        (row,) = [line for line in own if line[0] == law]
+        for text, window in ((row[1], WHOLE), (row[2], SETTLED)):
+            assert [float(one) for one in text.split(", ")] == pytest.approx(1e3 * run.rms(*window), rel=0.01)

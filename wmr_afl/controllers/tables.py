@@ -109,10 +109,9 @@ class ControllerTable(Table):
 
     def rules(self, model: Model) -> Rules:
         """What follows from other numbers of the loop: c and theta_hat(0) from p, gains and bounds from these."""
-        rules: dict[str, Rule] = {
-            "c": lambda n: model.known(n["p"]),
-            "slip.p": lambda n: model.replaced(n["p"], self.guess),
-        }
+        rules: dict[str, Rule] = {"c": lambda n: model.known(n["p"])}
+        if self.observing is not None:
+            rules["slip.p"] = lambda n: model.replaced(n["p"], self.guess)
         truth, names = getattr(model, self.estimated), list(model.units_of(self.estimated))
         if self.guess or self.estimate == "exact":
             rules["theta_hat"] = lambda n: truth(model.replaced(n["p"], self.guess))

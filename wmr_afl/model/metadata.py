@@ -241,7 +241,10 @@ class Metadata(_Part):
 
     @model_validator(mode="after")
     def _parts_are_there(self) -> Metadata:
-        """Check that what slips is part of the robot."""
+        """Check that what slips is part of the robot, and what groups share one of its parameters."""
+        grouped = {name for group in self.passivity_groups for name in group.parameters}
+        if not grouped <= self.passivity_parameters.keys():
+            raise _Misfit("passivity_groups")
         for row in self.slip_rows:
             if row.wheel is not None and row.wheel not in self.geometry.wheels:
                 raise _Misfit("slip_rows")

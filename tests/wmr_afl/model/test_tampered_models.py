@@ -134,6 +134,7 @@ def test_no_change_of_trusted_values_gives_a_traceback(folder: Path) -> None:
         (("functions", "parameters"), {"arguments": [], "shape": [], "size": [], "equation": "", "meaning": ""}),
         (("geometry", "frames"), {}),
         (("geometry", "wheels", "right", "frame"), "nowhere"),
+        (("passivity_groups", 0, "parameters", 0), "pi99"),
         (("slip_rows",), []),
         (("slip_rows",), [{"wheel": "right", "direction": "sideways"}]),
         (("slip_rows", 0), {"wheel": "right", "direction": "up"}),

@@ -226,8 +226,8 @@ def _sheets(
     yield _of_the_paper(single)
     yield _in_more_trouble(single[STUDY], troubled)
     crowd = (
-        f"Robots off by {100 * SPREAD:.0f} %, starts within {DISTANCE:g} m and {ANGLE:g} rad, seed {seed}. The paper's laws "
-        "begin with estimates of 1, the others with every entry wrong by up to three. RMS error of the worse output "
+        f"Robots off by {100 * SPREAD:.0f} %, starts within {DISTANCE:g} m and {ANGLE:g} rad, seed {seed}. The paper's "
+        "laws begin with estimates of 1, the others with every entry wrong by up to three. RMS error of the worse output "
         "since 10 s."
     )
     many = f"{count} robots"
@@ -266,8 +266,8 @@ def _of_the_paper(single: Mapping[str, Runs]) -> Sheet:
     return Sheet(
         "The paper's robot from the paper's start",
         "RMS error of x, y [mm] in study 2, and in study 3 while the wheels slip; travel since 10 s. Laws of the form "
-        "(25) begin with estimates of 1, the composite ones with twice the mass, half the inertia and two thirds of the "
-        "torque. "
+        "(25) begin with estimates of 1, the composite ones with twice the mass, half the inertia and two thirds of "
+        "the torque. "
         "The limit is what could be done if everything were known before: a local optimum found by IPOPT with 24 V and "
         "20 ms, not proved; all of its error lies in the first 0.6 s. The swift law has its reference model at 5 /s "
         "instead of 1 /s: it comes to the reference as fast as the motors allow.",

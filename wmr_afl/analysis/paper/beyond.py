@@ -227,8 +227,8 @@ def _sheets(
     yield _in_more_trouble(single[STUDY], troubled)
     crowd = (
         f"Robots off by {100 * SPREAD:.0f} %, starts within {DISTANCE:g} m and {ANGLE:g} rad, seed {seed}. The paper's "
-        "laws begin with estimates of 1, the others with every entry wrong by up to three. RMS error of the worse output "
-        "since 10 s."
+        "laws begin with estimates of 1, the others with every entry wrong by up to three. RMS error of the worse "
+        "output since 10 s."
     )
     many = f"{count} robots"
     rows = {law: judged(one) for law, one in scores[STUDY].items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
@@ -51,6 +52,7 @@ class Waypoints(Reference):
         self.expressions: dict[str, str] = dict.fromkeys(columns, "")
         values_there = np.stack(list(columns.values()), axis=1)
         spline = _stopped(_spline(at, values_there, between, ends), self.stop)
+        self._knots: list[float] = spline.x.tolist()
         self._derivatives = (spline, spline.derivative(), spline.derivative(2))
 
     @property
@@ -98,8 +100,27 @@ class Waypoints(Reference):
 
     def clock(self, times: Floats, lead: float = 0.0) -> Floats:
         """Rows [t, yr, yr', yr''], and these again `lead` [s] later if there is any."""
+        if len(times) == 1:  # in a control loop: a lookup, in microseconds
+            row = self._row(float(times[0])), self._row(float(times[0]) + lead) if lead else []
+            return np.array([[times[0], *row[0], *row[1]]])
         rows = [times[:, None], *self.over(times)]
         return np.ascontiguousarray(np.hstack([*rows, *(self.over(times + lead) if lead else ())]))
+
+    def _row(self, t: float) -> list[float]:
+        """yr, yr', yr'' at time t [s], one after the other."""
+        spline = self._derivatives[0]
+        knots, orders = self._knots, spline.c.shape[0]
+        inside = min(max(t, knots[0]), knots[-1])
+        piece = min(max(bisect_right(knots, inside) - 1, 0), len(knots) - 2)
+        s, moves = inside - knots[piece], float(knots[0] <= t <= knots[-1])
+        powers = [s**n for n in range(orders)][::-1]
+        rates = [moves * (orders - 1 - n) * s ** (orders - 2 - n) if n < orders - 1 else 0.0 for n in range(orders)]
+        bends = [
+            moves * (orders - 1 - n) * (orders - 2 - n) * s ** (orders - 3 - n) if n < orders - 2 else 0.0
+            for n in range(orders)
+        ]
+        found: list[float] = (np.array([powers, rates, bends]) @ spline.c[:, piece]).ravel().tolist()
+        return found
 
     def seen(self, clock: Any, lead: float = 0.0) -> tuple[Any, Point, Point]:
         """Of a row of `clock` the time [s], the reference then, and the one `lead` [s] later."""

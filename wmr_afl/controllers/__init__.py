@@ -6,13 +6,17 @@ from wmr_afl.controllers.law import Knowledge, Law
 from wmr_afl.controllers.leakage import Leakage
 from wmr_afl.controllers.least_squares import LeastSquares
 from wmr_afl.controllers.linearizing_law import LinearizingLaw
+from wmr_afl.controllers.live_reference import LiveReference, ReferenceBuffer
 from wmr_afl.controllers.modification import Modification
 from wmr_afl.controllers.normalization import Normalization
 from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.passivity_law import Effort, PassivityLaw
+from wmr_afl.controllers.path import along
 from wmr_afl.controllers.projection import Projection
+from wmr_afl.controllers.reference import Reference
 from wmr_afl.controllers.robust_term import RobustTerm
 from wmr_afl.controllers.tracking_law import TrackingLaw
+from wmr_afl.controllers.waypoints import Waypoints
 
 __all__ = [
     "DirectAdaptation",
@@ -23,11 +27,16 @@ __all__ = [
     "Leakage",
     "LeastSquares",
     "LinearizingLaw",
+    "LiveReference",
     "Modification",
     "Normalization",
     "OuterLoop",
     "PassivityLaw",
     "Projection",
+    "Reference",
+    "ReferenceBuffer",
     "RobustTerm",
     "TrackingLaw",
+    "Waypoints",
+    "along",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,12 +48,44 @@ class Line(Table):
         return self
 
 
+class Through(Table):
+    """Points of all outputs, in a CSV file with a header or in the table itself, columns by name."""
+
+    file: str | None = None
+    points: dict[str, list[Number]] | None = None
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Through:
+        if (self.file is None) == (self.points is None):
+            raise FieldError("gives neither file nor points, or both", "give one of them")
+        return self
+
+
+class WaypointsTable(Through):
+    """Points at times `t` [s]."""
+
+    between: Literal["quintic", "cubic"] = "quintic"
+    ends: Literal["rest", "free"] = "rest"
+    stop: Positive = 1.0  # [output units/s^2] behind a free end
+
+
+class PathTable(Through):
+    """A path that is driven from rest to rest within limits."""
+
+    speed: Positive  # [m/s]
+    acceleration: Positive  # [m/s^2]
+    lateral: Positive | None = None  # [m/s^2], that of `acceleration` unless given
+    jerk: Positive | None = None  # [m/s^3]
+
+
 class ReferenceTable(Table):
-    """One kind of trajectory: named, or an expression of time `t` for every output."""
+    """One kind of trajectory: named, through points, or an expression of time `t` for every output."""
 
     circle: Circle | None = None
     figure_eight: FigureEight | None = None
     line: Line | None = None
+    waypoints: WaypointsTable | None = None
+    path: PathTable | None = None
     expressions: dict[str, str] | None = None
     counts_turns: bool = False  # of outputs that are angles: an error of a whole turn counts
 
@@ -62,6 +94,11 @@ class ReferenceTable(Table):
         if sum(kind is not None for kind in self.kinds().values()) != 1:
             raise FieldError("names no or several trajectories", f"give one of {', '.join(self.kinds())}")
         return self
+
+    @property
+    def through(self) -> Through | None:
+        """The points that it goes through, if it does."""
+        return self.waypoints or self.path
 
     def kinds(self) -> dict[str, Any]:
         """What may be given, one of them, by name."""
@@ -124,6 +161,15 @@ class Reference(Fixed):
         if list(self.expressions) == list(outputs):
             return self
         return Reference({name: self.expressions[name] for name in outputs}, self.counts_turns)
+
+    def clock(self, times: Floats, lead: float = 0.0) -> Floats:
+        """What a step is given at each of `times` (T,) [s]: the time alone, from which expressions follow, (T,)."""
+        return times
+
+    def seen(self, clock: Any, lead: float = 0.0) -> tuple[Any, Point, Point]:
+        """Of a row of `clock` the time [s], the reference then, and the one `lead` [s] later."""
+        now = self.at(clock)
+        return clock, now, self.at(clock + lead) if lead else now
 
     def at(self, t: Any) -> Point:
         """The reference at time t [s]: columns if t is symbolic, NumPy vectors if it is a number."""

@@ -21,6 +21,7 @@ from wmr_afl.controllers.linearizing_law import LinearizingLaw
 from wmr_afl.controllers.observer import Observer, ObserverTable
 from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.passivity_law import Effort, PassivityLaw
+from wmr_afl.controllers.path import along
 from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
 from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Reference, ReferenceTable
@@ -31,7 +32,8 @@ from wmr_afl.controllers.slip_meter import SlipMeter
 from wmr_afl.controllers.tables import KAPPA, LINEARIZING, PASSIVE, ControllerTable
 from wmr_afl.controllers.tracking_law import TrackingLaw
 from wmr_afl.controllers.under_way import CommandsUnderWay
-from wmr_afl.errors import WmrError
+from wmr_afl.controllers.waypoints import Waypoints
+from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.experiments.experiment import Experiment
 from wmr_afl.model.files import model_folder
 from wmr_afl.model.measurement import Measurement
@@ -115,6 +117,8 @@ class _Assembly:
         if table.expressions is not None:
             with self.at("[reference.expressions]"):
                 return Reference(table.expressions, table.counts_turns).ordered(outputs)
+        if table.through is not None:
+            return self._through(table)
         kind, given = next((kind, value) for kind, value in table.kinds().items() if value is not None)
         expressions: list[str] = getattr(reference, kind)(**given.model_dump())
         with self.at(f"[reference.{kind}]"):
@@ -124,6 +128,27 @@ class _Assembly:
                     "write [reference.expressions]",
                 )
             return Reference(dict(zip(outputs, expressions, strict=True)), table.counts_turns)
+
+    def _through(self, table: ReferenceTable) -> Reference:
+        """A reference through points, which stand in the table by now."""
+        with self.at(f"[reference.{'waypoints' if table.waypoints else 'path'}]"):
+            if table.waypoints is not None:
+                given = table.waypoints
+                columns = dict(given.points or {})
+                if "t" not in columns:
+                    raise WmrError("points have no times", "add a column t [s], or give a path instead")
+                times = columns.pop("t")
+                timed = Waypoints(times, columns, given.between, given.ends, given.stop, table.counts_turns)
+                return timed.ordered(list(self.model.output_units))
+            path = table.path
+            assert path is not None  # noqa: S101, one of the two
+            columns = {name: (path.points or {}).get(name, []) for name in self.model.output_units}
+            unknown = [name for name in path.points or {} if name not in columns]
+            if unknown:
+                raise UnknownNameError("output", unknown[0], list(columns))
+            return along(
+                columns, path.speed, path.acceleration, path.lateral, path.jerk, counts_turns=table.counts_turns
+            )
 
     def _law(self, name: str, table: ControllerTable) -> Law:
         def place(key: str) -> str:

@@ -15,6 +15,7 @@ from wmr_afl.experiments.distributions import CampaignTable
 from wmr_afl.model.files import is_path
 from wmr_afl.plant.order import UncertaintiesTable
 from wmr_input import read_toml
+from wmr_input.csv_file import read_columns
 from wmr_input.errors import FieldError
 from wmr_input.fields import Number, Positive, Table
 
@@ -116,4 +117,19 @@ def read_experiment(name: str | Path) -> tuple[Experiment, Path]:
         UnknownNameError: if there is no such experiment.
     """
     path = find_experiment(name)
-    return read_toml(path, Experiment), path
+    return with_points(read_toml(path, Experiment), path), path
+
+
+def with_points(experiment: Experiment, path: Path) -> Experiment:
+    """The experiment in `path` with the points of its reference in it, read from their file if they stand in one.
+
+    Raises:
+        InputError: if the file cannot be read, or is no table of numbers.
+    """
+    through = experiment.reference.through
+    if through is None or through.file is None:
+        return experiment
+    kind = "waypoints" if experiment.reference.waypoints is not None else "path"
+    columns = read_columns(path.parent / through.file)
+    inside = through.model_copy(update={"file": None, "points": columns})
+    return experiment.model_copy(update={"reference": experiment.reference.model_copy(update={kind: inside})})

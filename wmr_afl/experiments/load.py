@@ -11,8 +11,9 @@ from pathlib import Path
 
 from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.experiments.assembly import assemble, model_of
-from wmr_afl.experiments.experiment import Experiment, find_experiment, read_experiment
+from wmr_afl.experiments.experiment import Experiment, find_experiment, with_points
 from wmr_afl.simulation.closed_loop import ClosedLoop
+from wmr_input import read_toml
 from wmr_input.errors import mistakes_at, shown
 
 
@@ -68,17 +69,19 @@ def load_experiment(name: str | Path) -> Loaded:
     path = find_experiment(name)
     place, text = path.absolute(), _digest([path])
     experiment = _read(path, place, text)
-    return _assembled(path, place, text, _stamps(model_of(experiment, path)))
+    through = experiment.reference.through
+    points = "" if through is None or through.file is None else repr(with_points(experiment, path).reference)
+    return _assembled(path, place, text, points, _stamps(model_of(experiment, path)))
 
 
 @functools.lru_cache(maxsize=16)
 def _read(path: Path, place: Path, text: str) -> Experiment:
-    return read_experiment(path)[0]
+    return read_toml(path, Experiment)
 
 
 @functools.lru_cache(maxsize=16)
-def _assembled(path: Path, place: Path, text: str, model: tuple[tuple[int, int, int], ...]) -> Loaded:
-    experiment = _read(path, place, text)
+def _assembled(path: Path, place: Path, text: str, points: str, model: tuple[tuple[int, int, int], ...]) -> Loaded:
+    experiment = with_points(_read(path, place, text), path)
     return Loaded(experiment, path, assemble(experiment, path))
 
 

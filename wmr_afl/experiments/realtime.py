@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.controllers.law import Law
+from wmr_afl.controllers.live_reference import LiveReference, Setpoint
 from wmr_afl.controllers.observer import Observer
 from wmr_afl.controllers.reference import Reference
 from wmr_afl.controllers.reference_model import ReferenceModel
@@ -32,6 +33,7 @@ from wmr_afl.simulation.kernels.interpreted import bind
 from wmr_afl.simulation.layout import Layout
 from wmr_input.errors import plain, shown
 
+PARTS = ("yr", "yr1", "yr2")  # of a setpoint
 SAME = 1e-6  # of a sample time, by which clocks jitter: steps that differ less are a sample time, as in the simulator
 STALE = 1.5  # sample times; after a longer step nothing is learned by comparing a sample with the one before
 LONGEST_STEP = 2.0  # sample times; the law's states move by no more at once
@@ -89,7 +91,11 @@ class Controller(Fixed):
         exact = tuple(f"{part.name}." for part in (ReferenceModel, Observer))  # go by the time that has passed
         self._comparing = [place.start for name, place in places.items() if not name.startswith(exact)]
         self._usual = (1.0 - SAME) * self.sample_time, (1.0 + SAME) * self.sample_time
-        self._given, self._t, self._out = np.zeros(self._size + 1), np.zeros(1), np.zeros(self._inputs + 2)
+        self._given, self._out = np.zeros(self._size + 1), np.zeros(self._inputs + 2)
+        self._now_given = np.ravel(
+            self.reference.clock(np.zeros(1), law.lead)
+        ).copy()  # t, and more unless it is a formula
+        self._is_formula = self._now_given.size == 1
         self._x, self._step_given = self._given[:-1], self._given[-1:]
         self._now, self._before, self._run = self._compiled_if_possible(self._traced())
         self._lock, self._clock = threading.Lock(), [-inf]  # time of the last update [s]
@@ -97,8 +103,12 @@ class Controller(Fixed):
 
     @classmethod
     @checked
-    def from_experiment(cls, experiment: str | Path, controller: str | None = None) -> Controller:
+    def from_experiment(
+        cls, experiment: str | Path, controller: str | None = None, is_live: bool = False
+    ) -> Controller:
         """The controller of an experiment, the first unless named, with its reference, sample time and drive.
+
+        With `is_live` the reference is given with each sample instead.
 
         Raises:
             InputError: if the file has a mistake.
@@ -107,10 +117,15 @@ class Controller(Fixed):
         loaded = load_experiment(experiment)
         loop = loaded.loops[loaded.name(controller)]
         drive = [part for part in loop.plant.uncertainties if part.is_of_drive]
-        return cls(loop.model, loop.law, loop.reference, loop.sample_time, drive)
+        reference = loop.reference
+        if is_live:
+            reference = LiveReference(list(loop.model.output_units), reference.counts_turns)
+        return cls(loop.model, loop.law, reference, loop.sample_time, drive)
 
-    def update(self, t: float, x: ArrayLike) -> Floats:
+    def update(self, t: float, x: ArrayLike, reference: Setpoint | None = None) -> Floats:
         """The voltages (n_u,) at time t [s] for what is measured, x: entries as `measured` names them.
+
+        `reference`: yr, yr', yr'' (n-m,) each of a `LiveReference`, as `ReferenceBuffer.at` gives them.
 
         These are the state (2n-m,), unless the controller's table says which entries, or rates of motors, are measured.
 
@@ -129,6 +144,7 @@ class Controller(Fixed):
             names = ", ".join(self.measured)
             raise ShapeError(f"x has shape {measured.shape}", f"expected ({self._size},): {names}")
         time = t if type(t) is float else _seconds(t)
+        wanted = None if self._is_formula and reference is None else self._reference_at(time, reference)
         with self._lock:
             passed = time - self._clock[0]
             step = self.sample_time if self._usual[0] < passed < self._usual[1] else self._step(time, passed)
@@ -138,7 +154,9 @@ class Controller(Fixed):
                 self._now[:] = self._last
             elif STALE * self.sample_time < passed < inf:
                 self._now[self._comparing] = 0.0
-            self._x[:], self._step_given[0], self._t[0], self._before[:] = measured, step, time, self._now
+            self._x[:], self._step_given[0], self._now_given[0], self._before[:] = measured, step, time, self._now
+            if wanted is not None:
+                self._now_given[1:] = wanted
             self._run()
             is_sound = self._out[-1] > 0.0 and isfinite(self._out[-2])
             if is_again or not is_sound:
@@ -152,6 +170,25 @@ class Controller(Fixed):
                 raise SimulationError(f"at t = {t} s {self._unsound(time, measured)}", UNSOUND)
             self._clock[0] = time
             return self._out[:-2].copy()
+
+    def _reference_at(self, time: float, given: Setpoint | None) -> Floats:
+        """What the step is given of the reference besides the time."""
+        if given is None:
+            if isinstance(self.reference, LiveReference):
+                self.reference.at(time)
+            return np.ravel(self.reference.clock(np.array([time]), self.law.lead))[1:]
+        if not isinstance(self.reference, LiveReference):
+            raise SimulationError(
+                "the controller has a reference of its own", "build it with a LiveReference, or give no reference"
+            )
+        size = len(self.model.output_units)
+        rows = [real_numbers(name, one, f"give {size} numbers") for name, one in zip(PARTS, given, strict=True)]
+        for name, row in zip(PARTS, rows, strict=True):
+            if row.shape != (size,):
+                raise ShapeError(
+                    f"{name} has shape {row.shape}", f"expected ({size},): {', '.join(self.model.output_units)}"
+                )
+        return np.concatenate(rows)
 
     @property
     def estimate(self) -> Floats:
@@ -214,6 +251,8 @@ class Controller(Fixed):
         """Why there are no voltages: the first cause that shows."""
         if not isfinite(time):
             return "the time is not finite"
+        if not np.isfinite(self._now_given).all():
+            return "the reference as given is not finite"
         wrong = [name for name, value in zip(self.measured, measured, strict=True) if not isfinite(value)]
         if wrong:
             return f"{', '.join(wrong)} as measured {'is' if len(wrong) == 1 else 'are'} not finite"
@@ -230,18 +269,20 @@ class Controller(Fixed):
             kernel = Kernel(step, Watched(regularity=self._inputs + 1, checked=(self._inputs,)), logged=True)
         except CompilerError:
             before = now.copy()
-            return now, before, bind(step, (before, self._t, self._given, np.zeros(0)), (now, self._out))
+            return now, before, bind(step, (before, self._now_given, self._given, np.zeros(0)), (now, self._out))
         block, held = kernel.start(now[:, None]), kernel.prepare(np.zeros((0, 1)))
         self._kept = block, held  # which the bound call reads
-        return block.state[:, 0], now, kernel.bound(block, self._t, self._given, held, self._out)
+        return block.state[:, 0], now, kernel.bound(block, self._now_given, self._given, held, self._out)
 
     def _traced(self) -> ca.Function:
         """(states, t, [x; time that passed], nothing) -> (next states, [u, a sum of all, regularity])."""
         model = self.model.in_library("casadi")
         k = by_part({name: ca.DM(value) for name, value in disjoint(self.law.values, self.drive.values).items()})
-        flat, t, given = ca.SX.sym("z", self._layout.size), ca.SX.sym("t"), ca.SX.sym("given", self._size + 1)
+        flat, given = ca.SX.sym("z", self._layout.size), ca.SX.sym("given", self._size + 1)
+        clock = ca.SX.sym("t", self._now_given.size)
+        _, _, wanted = self.reference.seen(clock, self.law.lead)
         z, x, step = self._layout.unpack_symbols(flat), given[:-1], given[-1]
-        action = self.law.act(x, self.reference.at(t + self.law.lead), z, k, model, step)
+        action = self.law.act(x, wanted, z, k, model, step)
         returned = applied = action.input
         following: dict[str, Any] = {}
         for key, part, state, own in self.drive.with_states(z, k):
@@ -250,9 +291,9 @@ class Controller(Fixed):
             returned = returned if part.states else part.applied(returned, state, own, model.arrays)
         following |= self.law.update(x, action, applied, z, k, model, step)
         after = self._layout.pack_symbols(following)
-        total = t + ca.sum1(x) + ca.sum1(action.input) + ca.sum1(after)  # finite only if all of these are
+        total = ca.sum1(clock) + ca.sum1(x) + ca.sum1(action.input) + ca.sum1(after)  # finite only if all of these are
         outputs = ca.cse([ca.densify(after), ca.densify(ca.vertcat(returned, total, action.regularity))])
-        return ca.Function("controller", [flat, t, given, ca.SX.sym("none", 0)], outputs)
+        return ca.Function("controller", [flat, clock, given, ca.SX.sym("none", 0)], outputs)
 
 
 def _seconds(t: Any) -> float:

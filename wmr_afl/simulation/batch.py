@@ -100,6 +100,7 @@ def advance_blocks(
         raise SimulationError(problem, f"a run goes from 0 to {options.duration:g} s")
     kernel = kernel_of(loop, options.backend, record is not None)
     times = sample_times(loop, options.duration)
+    clock = loop.clock(times)
     counted_from = int(np.ceil(options.since / loop.sample_time - 1e-9))
     chunk = CHUNK if loop.plant.samples or record is not None else len(times)
 
@@ -109,11 +110,11 @@ def advance_blocks(
         for samples in _chunks(len(times), counted_from, chunk):
             if samples.start == counted_from:
                 underway.block.count_from_here()
-            rows = underway.advance(times[samples])
+            rows = underway.advance(clock[samples])
             if record is not None:
                 record(robots, samples, rows[:, :, :count])
         failed = underway.block.failed[:count]
-        return robots, underway.block, _causes(_Underway(loop, kernel, chosen), failed, times)
+        return robots, underway.block, _causes(_Underway(loop, kernel, chosen), failed, times, clock)
 
     places = (slice(a, min(a + kernel.lanes, ensemble.count)) for a in range(0, ensemble.count, kernel.lanes))
     if options.threads <= 1:
@@ -144,31 +145,31 @@ class _Underway:
         self.block, self._held = kernel.start(robots.states), kernel.prepare(np.ascontiguousarray(robots.values))
         self._generators = [robots.generator(robot) for robot in range(len(robots.seeds))]
 
-    def advance(self, times: Floats) -> Floats:
-        """The signals at `times` (T,) [s], (T, signals, robots), if the kernel logs them."""
+    def advance(self, clock: Floats) -> Floats:
+        """The signals at all rows of `clock`, (T, signals, robots), if the kernel logs them."""
         noise, size = None, self.loop.plant.samples
         if size:
-            noise = np.stack([normal_samples(one, len(times), size) for one in self._generators], axis=-1)
-        return self._kernel.advance(self.block, times, noise, self._held)
+            noise = np.stack([normal_samples(one, len(clock), size) for one in self._generators], axis=-1)
+        return self._kernel.advance(self.block, clock, noise, self._held)
 
 
-def _causes(again: _Underway, failed: Floats, times: Floats) -> Causes:
+def _causes(again: _Underway, failed: Floats, times: Floats, clock: Floats) -> Causes:
     """Why robots failed, for their first samples that were not sound: the block runs again up to the last of these."""
     causes = [""] * len(failed)
     for sample in sorted({int(sample) for sample in failed[np.isfinite(failed)]}):
         if sample > again.block.samples:
-            again.advance(times[again.block.samples : sample])
+            again.advance(clock[again.block.samples : sample])
         for robot in np.flatnonzero(failed == sample):
-            causes[robot] = _cause(again, int(robot), sample, float(times[sample]))
+            causes[robot] = _cause(again, int(robot), sample, float(times[sample]), clock[sample])
     return causes
 
 
-def _cause(there: _Underway, robot: int, sample: int, t: float) -> str:
+def _cause(there: _Underway, robot: int, sample: int, t: float, clock: Floats) -> str:
     loop, values = there.loop, there.robots.values[:, robot]
     noise = np.zeros(loop.plant.samples)
     if loop.plant.samples:
         noise = normal_samples(there.robots.generator(robot), sample + 1, loop.plant.samples)[-1]
-    row = trace(loop)(there.block.state[:, robot], t, noise, values)[1].full()[:, 0]
+    row = trace(loop)(there.block.state[:, robot], clock, noise, values)[1].full()[:, 0]
     return cause(loop, t, loop.signal_layout.unpack(row), Layout(loop.values).unpack(values))
 
 

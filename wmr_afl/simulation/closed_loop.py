@@ -86,10 +86,14 @@ class ClosedLoop:
             for entry in range(places[name].start, places[name].stop):
                 wrong = state.copy()
                 wrong[Layout(self.states).places[name].start + entry - places[name].start] = np.nan
-                row = trace(self)(wrong, 0.0, sample, numbers)[1].full()[:, 0]
+                row = trace(self)(wrong, self.clock(np.zeros(1))[0], sample, numbers)[1].full()[:, 0]
                 if np.isfinite(row[list(command)]).all():
                     unseen.append(entry)
         return (*command, *unseen)
+
+    def clock(self, times: Floats) -> Floats:
+        """What a step is given of time and reference at each of `times` (T,) [s], (T,) or (T, numbers)."""
+        return self.reference.clock(times, self.law.lead)
 
     @functools.cached_property
     def signal_layout(self) -> Layout:
@@ -97,17 +101,17 @@ class ClosedLoop:
         return Layout({name: np.zeros(size) for name, size in self.signals.items()})
 
     def step(
-        self, t: Array, z: SimpleNamespace, k: SimpleNamespace, sample: Array, model: Model
+        self, clock: Array, z: SimpleNamespace, k: SimpleNamespace, sample: Array, model: Model
     ) -> tuple[dict[str, Array], dict[str, Array]]:
         """From sample to sample: the next states of the loop, and the signals now.
 
-        t [s]; z: states and k: numbers by part and name; sample: standard normal numbers; model: in the library to use.
+        clock: t [s], or a row of `clock`; z: states and k: numbers by part and name; sample: standard normal numbers;
+        model: in the library to use.
         """
-        reference = self.reference.at(t)
+        t, reference, ahead = self.reference.seen(clock, self.law.lead)
         seen = self.plant.measured(z.x, sample, k, model.arrays)
         if self.law.measurement is not None:
             seen = self.law.measurement.of(seen, self.plant.parameters_at(t, k, model.arrays), model)
-        ahead = self.reference.at(t + self.law.lead) if self.law.lead else reference
         action = self.law.act(seen, ahead, z, k, model, self.sample_time)
         applied = self.plant.applied(action.input, z, k, model.arrays)
         signals = {
@@ -151,13 +155,13 @@ def sample_times(loop: ClosedLoop, duration: float) -> Floats:
 
 @functools.lru_cache(maxsize=32)
 def trace(loop: ClosedLoop) -> ca.Function:
-    """The loop's step as one function of flat columns: (state, t, noise sample, values) -> (next state, signals)."""
+    """The loop's step as a function of flat columns: (state, clock, noise sample, values) -> (next state, signals)."""
     states, values = Layout(loop.states), Layout(loop.values)
     z, k = ca.SX.sym("state", states.size), ca.SX.sym("values", values.size)
-    t, sample = ca.SX.sym("t"), ca.SX.sym("sample", loop.plant.samples)
+    clock, sample = ca.SX.sym("t", loop.clock(np.zeros(1)).size), ca.SX.sym("sample", loop.plant.samples)
     model = loop.model.in_library("casadi")
-    following, now = loop.step(t, states.unpack_symbols(z), values.unpack_symbols(k), sample, model)
+    following, now = loop.step(clock, states.unpack_symbols(z), values.unpack_symbols(k), sample, model)
     outputs = [ca.densify(states.pack_symbols(following)), ca.densify(loop.signal_layout.pack_symbols(now))]
     return ca.Function(
-        "step", [z, t, sample, k], ca.cse(outputs), ["state", "t", "sample", "values"], ["next", "signals"]
+        "step", [z, clock, sample, k], ca.cse(outputs), ["state", "clock", "sample", "values"], ["next", "signals"]
     )

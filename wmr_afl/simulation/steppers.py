@@ -50,8 +50,8 @@ def _numpy_steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats
     z = by_part(Layout(loop.states).unpack(robot.states[:, 0]))
     k = by_part(Layout(loop.values).unpack(robot.values[:, 0]))
     samples = np.zeros((len(times), 0)) if noise is None else noise
-    for t, sample in zip(times, samples, strict=True):
-        following, now = loop.step(t, z, k, sample, model)
+    for clock, sample in zip(loop.clock(times), samples, strict=True):
+        following, now = loop.step(clock, z, k, sample, model)
         z = by_part(following)
         yield Chunk(loop.signal_layout.pack(now)[None, :], False)
 
@@ -67,12 +67,12 @@ def _steps_of(backend: str, chunk: int, lanes: int = 1) -> Stepper:
 
     def steps(loop: ClosedLoop, robot: Ensemble, times: Floats, noise: Floats | None) -> Iterator[Chunk]:
         kernel = kernel_of(loop)
-        robots = robot.block(slice(0, 1), kernel.lanes)
+        robots, clock = robot.block(slice(0, 1), kernel.lanes), loop.clock(times)
         block, held = kernel.start(robots.states), kernel.prepare(np.ascontiguousarray(robots.values))
         for start in range(0, len(times), chunk):
             part = slice(start, start + chunk)
             sample = None if noise is None else np.repeat(noise[part, :, None], kernel.lanes, axis=2)
-            rows = kernel.advance(block, times[part], sample, held)[:, :, 0]
+            rows = kernel.advance(block, clock[part], sample, held)[:, :, 0]
             yield Chunk(rows, bool(block.failed[0] == np.inf))
 
     return steps

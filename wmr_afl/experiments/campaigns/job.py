@@ -180,6 +180,7 @@ def _fingerprint(
         kernel_text(trace(loop), watched_signals(loop), LANES, False)[0],
         experiment.controller(controller).model_dump_json(),
         experiment.simulation.model_dump_json(),
+        experiment.reference.model_dump_json(),
         experiment.uncertainties.model_dump_json(),
         table.model_dump_json(exclude={"success", "controller"}),
         repr((sorted(experiment.parameters.items()), backend, BLOCK, sorted(identity.items()))),

@@ -28,7 +28,7 @@ _NOISE = 2  # index of the step's argument that may be left out if nothing reads
 
 
 class Kernel:
-    """`step` (state, t, sample, values) -> (next, signals), compiled for `lanes` robots at a time.
+    """`step` (state, clock, sample, values) -> (next, signals), compiled for `lanes` robots at a time.
 
     Raises:
         CompilerError: if it cannot be built.
@@ -51,8 +51,10 @@ class Kernel:
         self._prepare(_pointer(np.ascontiguousarray(values, dtype=float)), _pointer(held))
         return held
 
-    def advance(self, block: Block, times: Floats, noise: Floats | None, held: Floats) -> Floats:
-        """Advance `block` by all `times` (T,) [s]; return the signals (T, signals, lanes), none of them if not logged.
+    def advance(self, block: Block, clock: Floats, noise: Floats | None, held: Floats) -> Floats:
+        """Advance `block` by all rows of `clock`; return the signals (T, signals, lanes), none of them if not logged.
+
+        `clock` (T, numbers), or (T,) if it holds times [s] alone.
 
         `noise`: (T, samples, lanes), contiguous, or None if the step reads none.
 
@@ -61,20 +63,20 @@ class Kernel:
         """
         if noise is None and self._reads_noise:
             raise ShapeError("this loop measures with noise", "give its samples")
-        rows = np.empty((len(times), self.signals, self.lanes))
+        rows = np.empty((len(clock), self.signals, self.lanes))
         self._advance(
-            len(times), block.samples, _pointer(np.ascontiguousarray(times)), _pointer(noise), _pointer(held),
+            len(clock), block.samples, _pointer(np.ascontiguousarray(clock)), _pointer(noise), _pointer(held),
             _pointer(block.rows), _pointer(rows),
         )  # fmt: skip
-        block.samples += len(times)
+        block.samples += len(clock)
         return rows
 
-    def bound(self, block: Block, time: Floats, noise: Floats, held: Floats, rows: Floats) -> Callable[[], None]:
+    def bound(self, block: Block, clock: Floats, noise: Floats, held: Floats, rows: Floats) -> Callable[[], None]:
         """A call that advances `block` by one sample from these arrays into `rows`, and allocates nothing.
 
         The arrays must outlive the call.
         """
-        pointers = (ctypes.c_void_p(_pointer(array)) for array in (time, noise, held, block.rows, rows))
+        pointers = (ctypes.c_void_p(_pointer(array)) for array in (clock, noise, held, block.rows, rows))
         return functools.partial(self._advance_bare, ctypes.c_size_t(1), ctypes.c_size_t(0), *pointers)
 
 
@@ -86,6 +88,7 @@ def kernel_text(step: ca.Function, watched: Watched, lanes: int, logged: bool) -
         lanes=lanes,
         program=program,
         states=step.size1_in(0),
+        clock=step.size1_in(1),
         kept=step.size1_in(0) + watched.rows,
         noise=step.size1_in(_NOISE) if reads_noise else 0,
         signals=program.results[1],
@@ -103,7 +106,7 @@ def print_loop(step: ca.Function, lanes: int) -> Program:
     lane = f"[{{i}} * {lanes} + l]"
     arguments = (
         Argument(f"kept{lane}", Depends.BOTH),
-        Argument("t", Depends.TIME),
+        Argument("now[{i}]", Depends.TIME),
         Argument(f"noise{lane}", Depends.BOTH),
         Argument(f"k{lane}", Depends.ROBOT),
     )

@@ -15,7 +15,7 @@ FOLDED = 1000  # samples; folding fewer steps into one function costs more than 
 
 
 class InterpretedKernel:
-    """`step` (state, t, sample, values) -> (next, signals), called like a `compiled.Kernel`, robot by robot."""
+    """`step` (state, clock, sample, values) -> (next, signals), called like a `compiled.Kernel`, robot by robot."""
 
     lanes = 1
 
@@ -32,17 +32,17 @@ class InterpretedKernel:
         """The values (values, 1) as they are."""
         return values
 
-    def advance(self, block: Block, times: Floats, noise: Floats | None, held: Floats) -> Floats:
-        """Advance `block` by all `times` (T,) [s]; return the signals (T, signals, 1), none of them if not logged."""
-        samples = np.zeros((len(times), 0)) if noise is None else noise[:, :, 0]
-        inputs = np.column_stack([times, block.samples + np.arange(len(times), dtype=float), samples])
+    def advance(self, block: Block, clock: Floats, noise: Floats | None, held: Floats) -> Floats:
+        """Advance `block` by all rows of `clock`; return the signals (T, signals, 1), none of them if not logged."""
+        samples = np.zeros((len(clock), 0)) if noise is None else noise[:, :, 0]
+        inputs = np.column_stack([clock, block.samples + np.arange(len(clock), dtype=float), samples])
         given = np.concatenate([block.rows, held])[:, 0]
-        if self._logged or len(times) < FOLDED:
+        if self._logged or len(clock) < FOLDED:
             given, signals = self._one_by_one(given, inputs)
         else:
-            given, signals = self._folded(len(times))(given, inputs.T).full()[:, 0], np.empty((len(times), 0))
+            given, signals = self._folded(len(clock))(given, inputs.T).full()[:, 0], np.empty((len(clock), 0))
         block.rows[:, 0] = given[: len(block.rows)]
-        block.samples += len(times)
+        block.samples += len(clock)
         return signals[:, :, None]
 
     def _one_by_one(self, given: Floats, inputs: Floats) -> tuple[Floats, Floats]:
@@ -61,15 +61,15 @@ class InterpretedKernel:
 
 
 def counting(step: ca.Function, watched: Watched, logged: bool) -> ca.Function:
-    """([rows of a Block; values], [t; number of the sample; sample]) -> the same one step later, and signals if logged.
+    """([rows of a Block; values], [clock; number of the sample; sample]) -> the same a step later, signals if logged.
 
     The values are carried from step to step with the state, which CasADi maps faster than repeating them.
     """
     states, noisy = step.size1_in(0), any(step.jac_sparsity(result, 2).nnz() for result in range(2))
     kept, values = ca.SX.sym("kept", states + watched.rows), ca.SX.sym("values", step.size1_in(3))
-    t, number = ca.SX.sym("t"), ca.SX.sym("number")
+    clock, number = ca.SX.sym("clock", step.size1_in(1)), ca.SX.sym("number")
     sample = ca.SX.sym("sample", step.size1_in(2) if noisy else 0)
-    following, signals = step(kept[:states], t, sample if noisy else ca.SX.zeros(step.size1_in(2)), values)
+    following, signals = step(kept[:states], clock, sample if noisy else ca.SX.zeros(step.size1_in(2)), values)
     squares = [kept[states + i] + signals[place] ** 2 for i, place in enumerate(watched.squared)]
     largest = []
     for i, group in enumerate(watched.sized):
@@ -82,7 +82,7 @@ def counting(step: ca.Function, watched: Watched, logged: bool) -> ca.Function:
     failed = ca.if_else(is_sound, kept[-1], ca.fmin(number, kept[-1]))
     after = ca.vertcat(following, *squares, *largest, failed, values)
     outputs = ca.cse([after, signals] if logged else [after])
-    return ca.Function("counting", [ca.vertcat(kept, values), ca.vertcat(t, number, sample)], outputs)
+    return ca.Function("counting", [ca.vertcat(kept, values), ca.vertcat(clock, number, sample)], outputs)
 
 
 def bind(function: ca.Function, arguments: Sequence[Floats], results: Sequence[Floats]) -> Callable[[], None]:

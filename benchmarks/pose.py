@@ -53,12 +53,13 @@ STUDY = {
     **{f"v measured, frozen (25), w = {w}": frozen(w) for w in (30, 40)},
 }
 CALM = POSE + "rate = 9.0635\nobserver = { rate = 20.0 }"  # the rule for noise of a millimetre and more: 20, 10
+CALM_KALMAN = KALMAN.replace("{ kind", "{ rate = 20.0, kind")
 NOISY = {
     "pose": POSE,
     "pose, observer 20, loop 10": CALM,
     "pose, observer 12, loop 12": CALM_POSE,
     "pose, Kalman": KALMAN,
-    "pose, Kalman, observer 20, loop 15": KALMAN.replace("{ kind", "{ rate = 20.0, kind"),
+    "pose, Kalman, observer 20, loop 15": CALM_KALMAN,
     "pose and encoders, Kalman": ENCODERS,
     "v measured, composite, rate = 10": CALM_MEASURED,
     "v measured, frozen (25), w = 20": frozen(20),
@@ -171,7 +172,7 @@ def robots(runs: int, folder: Path) -> Iterator[list[str]]:
         for table, noise in (
             (POSE, 0.0),
             (CALM, 1e-3),
-            (KALMAN, 1e-3),
+            (CALM_KALMAN, 1e-3),
             (MEASURED + "rate = 15.0\nobserver = {}", 0.0),
         ):
             told = forces
@@ -263,7 +264,7 @@ TABLES: dict[str, tuple[str, tuple[str, ...], Callable[[int, Path], Iterator[lis
             "robot",
             "pose alone",
             "noise of 1 mm, observer 20, loop 10",
-            "noise of 1 mm, Kalman",
+            "noise of 1 mm, Kalman, observer 20, loop 15",
             "v measured, with observer",
         ),
         lambda runs, folder: robots(max(1, runs // 5), folder),

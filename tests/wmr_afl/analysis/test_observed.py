@@ -22,3 +22,14 @@ def test_velocities_and_what_was_not_expected_are_drawn() -> None:
     for index, axes in enumerate(panels[2:]):
         np.testing.assert_array_equal(axes.get_lines()[0].get_ydata(), one.unexpected[:, index])
     assert "observed_a" not in plots.overview({"a": run()}, "title")
+
+
+def test_below_the_lowest_panel_of_each_figure_over_time_stands_time() -> None:
+    """And above each figure the title of the experiment."""
+    signals = {"observed": np.ones((len(TIME), 5)), "unexpected": np.ones((len(TIME), 2))}
+    figures = plots.overview({"a": run(**signals), "b": run(2)}, "a title")
+    assert {"errors", "inputs", "estimates_a", "observed_a"} <= set(figures)
+    for name, figure in figures.items():
+        assert figure.get_suptitle() == "a title"
+        lowest = min(figure.axes, key=lambda axes: axes.get_position().y0)
+        assert (lowest.get_xlabel() == "time [s]") == (name != "path")

@@ -439,3 +439,14 @@ def test_a_delay_is_a_whole_number_of_samples_at_every_scale(samples: int, step:
     for off in (-0.5, 0.3, 0.5):
         with pytest.raises(WmrError, match="no whole number"):
             built({"input_delay": {"seconds": (samples + off) * step}}, load_model("type_2_0"), step=step)
+
+
+@pytest.mark.parametrize("step", [1e9, 1e9 + 1.0, 1e9 - 1.0])
+def test_a_billionth_of_a_delay_does_not_matter(step: float) -> None:
+    """Exactly that much more or less is still one sample; twice as much is not."""
+    tables, model = {"input_delay": {"seconds": 1e9}}, load_model("type_2_0")
+    (delay,) = built(tables, model, step=step)
+    assert delay.samples_late == 1
+    if step != 1e9:
+        with pytest.raises(WmrError, match="no whole number"):
+            built(tables, model, step=2.0 * step - 1e9)

@@ -158,3 +158,7 @@ def test_a_function_of_two_arguments_takes_two() -> None:
 def test_generated_formulas_may_be_a_little_deeper() -> None:
     """An angle that is an arctangent stands under one more sine."""
     assert evaluate("sin(sin(sin(sin(x))))", FLOAT, LONGEST_FORMULA) is not None
+    for depth, is_read in ((8, True), (9, False)):
+        text = "sin(" * depth + "x" + ")" * depth
+        with contextlib.nullcontext() if is_read else pytest.raises(ExpressionError, match="more than 8 deep"):
+            evaluate(text, FLOAT, LONGEST_FORMULA)

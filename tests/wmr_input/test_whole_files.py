@@ -10,7 +10,7 @@ import pytest
 
 from tests.wmr_input.interruptions import NEW, OLD, content, scene
 from wmr_input import whole_files
-from wmr_input.whole_files import remove_abandoned, replacing, write_folder, write_whole
+from wmr_input.whole_files import remove_abandoned, renewing, replacing, write_folder, write_whole
 
 
 def test_without_an_exchange_of_folders_files_are_replaced_one_by_one(
@@ -143,3 +143,38 @@ def test_each_system_is_asked_for_an_exchange_in_its_own_way(
 def test_a_system_without_an_exchange_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(whole_files.ctypes, "CDLL", lambda _: System("rename", 0))
     assert not whole_files._exchange(Path("one"), Path("other"))
+
+
+def test_a_file_is_on_the_disk_before_it_takes_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a crash of the machine could leave its name without its content."""
+    order: list[tuple[str, int, int]] = []
+    fsync, replace = os.fsync, os.replace
+
+    def told(what: str, seen: os.stat_result) -> None:
+        order.append((what, seen.st_ino, seen.st_size))
+
+    monkeypatch.setattr(os, "fsync", lambda file: (told("on the disk", os.fstat(file)), fsync(file)))
+    monkeypatch.setattr(os, "replace", lambda one, other: (told("in its place", os.stat(one)), replace(one, other)))
+    for text in ("a text", "another one"):
+        order.clear()
+        whole_files.write_whole(tmp_path / "file", text)
+        found = (tmp_path / "file").stat()
+        assert order == [(what, found.st_ino, len(text)) for what in ("on the disk", "in its place")]
+
+
+@pytest.mark.parametrize("exchange", [True, False])
+def test_what_the_new_folder_lacks_is_gone_afterwards(
+    exchange: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whether it is left out from the beginning or removed on the way; files and folders, and nothing else."""
+    if not exchange:
+        monkeypatch.setattr(whole_files, "_exchange_call", lambda: None)
+    folder = tmp_path / "folder"
+    for name in ("kept", "left_out", "removed", "inside/kept", "without/inside"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("old")
+    with renewing(folder, without=["left_out", "without"]) as beside:
+        (beside / "removed").unlink()
+        (beside / "new").write_text("new")
+    assert content(tmp_path) == {"folder/inside/kept": "old", "folder/kept": "old", "folder/new": "new"}
+    assert sorted(path.name for path in folder.iterdir()) == ["inside", "kept", "new"]

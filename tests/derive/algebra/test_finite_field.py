@@ -52,6 +52,23 @@ def test_what_is_not_zero_does_not_vanish(expression: sp.Expr) -> None:
     assert not vanishes(expression)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("root", "base"),
+    [
+        (sp.sqrt(x**2 + 2 * x + 1), x + 1),
+        (sp.sqrt(x**2 - 2 * x * c + c**2), x - c),
+        (sp.sqrt(1 - sp.sin(a) ** 2), sp.cos(a)),
+        (sp.Abs(sp.sin(b)), sp.sin(b)),
+    ],
+    ids=str,
+)
+def test_the_root_of_a_square_is_neither_its_base_nor_minus_that(root: sp.Expr, base: sp.Expr, sign: int) -> None:
+    """It is one of the two at every point, so that one of these differences is zero at some of them."""
+    assert not vanishes(root - sign * base)
+    assert vanishes(root**2 - base**2)
+
+
 def test_division_by_zero_has_no_value() -> None:
     with pytest.raises(NotRepresentable):
         Point(0)(1 / (sp.sin(a) ** 2 + sp.cos(a) ** 2 - 1))

@@ -169,8 +169,8 @@ def test_names_are_given_once_and_derivatives_go_through_them() -> None:
     assert sorted_symbols({c, a, b}) == [a, b, c]
 
 
-SIMPLE = (2 * a, a, sp.S(3), sp.sin(a), a * sp.cos(b), -a * b)
-NOT_SIMPLE = (a * b * c, a + b, sp.sin(a + b), a**2, 1 / a)
+SIMPLE = (2 * a, a, sp.S(3), sp.sin(a), a * sp.cos(b), -a * b, sp.atan2(a, b))
+NOT_SIMPLE = (a * b * c, a + b, sp.sin(a + b), a**2, 1 / a, sp.atan2(a, b + c), sp.atan2(b * c, a))
 
 
 @pytest.mark.parametrize(("expression", "expected"), [(one, one in SIMPLE) for one in (*SIMPLE, *NOT_SIMPLE)], ids=str)

@@ -93,3 +93,17 @@ def test_a_sum_of_constants_under_a_root_of_the_state_is_given_up() -> None:
     root = sp.sqrt(x + L)
     with pytest.raises(NotCombined):
         dependence([[root], [root * (1 + L)]], frozenset({L}), Terms())
+
+
+@pytest.mark.parametrize("power", [L, 1 / L, L**2, 1 / L**2, sp.S.One], ids=str)
+@pytest.mark.parametrize("fraction", [sp.S.One, sp.Rational(-3, 7), sp.Integer(12)], ids=str)
+def test_fractions_of_powers_of_a_constant_are_read_off_beside_roots_of_the_state(
+    fraction: sp.Expr, power: sp.Expr
+) -> None:
+    """For which states at rational numbers tell nothing; a fraction that is none of few digits is given up."""
+    root = sp.sqrt(x**2 + 3)
+    found = dependence([[root], [root * y], [fraction * power * root + 5 * root * y / L]], frozenset({L}), Terms())
+    assert found.independent == [0, 1]
+    assert found.combination == {2: {0: fraction * power, 1: 5 / L}}
+    with pytest.raises(NotCombined):
+        dependence([[root], [root * y], [sp.sqrt(2) * power * root + root * y / L]], frozenset({L}), Terms())

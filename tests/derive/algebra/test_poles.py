@@ -50,9 +50,13 @@ def test_a_divisor_leaves_a_pole_if_the_function_has_none_or_a_huge_value_there(
     ],
     ids=str,
 )
-def test_parameters_are_taken_larger_and_smaller_than_their_numbers(divisor: sp.Expr, expected: bool) -> None:
-    """Up to four times, and down to a quarter: a divisor may vanish for those only."""
-    assert leaves_a_pole(divisor, [1 / divisor], (x, y), ONE, Terms()) is expected
+@pytest.mark.parametrize("size", [sp.S.One, sp.Integer(20), sp.Rational(1, 50)], ids=str)
+def test_parameters_are_taken_larger_and_smaller_than_their_numbers(
+    divisor: sp.Expr, expected: bool, size: sp.Expr
+) -> None:
+    """Up to four times, and down to a quarter, in whatever unit: a divisor may vanish for those only."""
+    numbers, divisor = {p: size, L: size}, divisor.xreplace({p: p / size, L: L / size})
+    assert leaves_a_pole(divisor, [1 / divisor], (x, y), numbers, Terms()) is expected
 
 
 def test_poles_are_seen_through_names() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
 import shutil
+import sys
 from pathlib import Path
 
 import pytest
@@ -201,7 +203,17 @@ def test_the_command_ends_with_2_for_a_mistake(tmp_path: Path) -> None:
 
 
 def test_the_command_without_sympy_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "derive.codegen.write", None)
+    monkeypatch.setitem(sys.modules, "derive.codegen.write", None)
     done = CliRunner().invoke(app, [str(write(SMALL, tmp_path)), "--out", str(tmp_path / "out")])
     assert done.exit_code == 2
     assert 'is not installed; pip install "wmr-afl[derive]"' in done.stderr
+
+
+@pytest.mark.filterwarnings("ignore:.*found in sys.modules")
+def test_the_package_is_run_as_its_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Under the name by which it is called, with its arguments."""
+    monkeypatch.setattr(sys, "argv", ["derive", "--help"])
+    with pytest.raises(SystemExit) as ended:
+        runpy.run_module("derive", run_name="__main__")
+    assert not ended.value.code
+    assert "Usage: python -m derive " in capsys.readouterr().out

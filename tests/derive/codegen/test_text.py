@@ -188,13 +188,74 @@ def test_a_product_and_its_negative_are_computed_once(sign: int) -> None:
         assert value == pytest.approx(float(terms.expand(matrix[place]).subs(AT)), rel=1e-13)
 
 
-def test_entries_that_are_printed_alike_are_computed_once() -> None:
-    """A call that stands in both needs no line of its own, though one of them has it as the negative of a name."""
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("is_shared", [False, True])
+def test_entries_that_are_printed_alike_are_computed_once(sign: int, is_shared: bool) -> None:
+    """A call that stands in both needs no line of its own, though one of them has it as a name, or as minus a name."""
     terms = Terms()
-    negative = terms.name("negative", -sp.sin(a + b))
-    steps = statements(sp.Matrix([[negative + c, c - sp.sin(a + b)]]), terms, ())
-    assert steps.assignments == []
-    assert list(computed(steps).values()) == [pytest.approx(NUMBERS["c"] - math.sin(0.31 + 0.57))] * 2
+    value = a * b * d * sp.exp(d) if is_shared else sp.sin(a + b)
+    name = terms.name("name", sign * value)
+    more = [sp.exp(value)] if is_shared else []
+    steps = statements(sp.Matrix([[name + sp.cos(c), sp.cos(c) + sign * value, *more]]), terms, ())
+    assert sum(expression.has(sp.cos) for _, expression in steps.assignments) == 0
+    assert len(steps.assignments) == len(more)
+    number = float(value.subs(AT))
+    expected = [math.cos(1.3) + sign * number] * 2 + [math.exp(number)] * len(more)
+    assert list(computed(steps).values()) == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize("power", [2, 3, 5, -1, -3])
+@pytest.mark.parametrize("value", [a * b + c, a * b * c * sp.sin(d)], ids=["sum", "product"])
+@pytest.mark.parametrize("is_raised_inside", [False, True])
+def test_a_power_of_a_negative_keeps_its_sign(power: int, value: sp.Expr, is_raised_inside: bool) -> None:
+    """Whether the one or its negative has the name, and which of them is raised."""
+    terms = Terms()
+    one, two = terms.name("one", -value), terms.name("two", value)
+    raised = (two + 1) ** power + one if is_raised_inside else one**power + d
+    matrix = sp.Matrix([[raised, two + d, sp.cos(two), one * d, value + 2]])
+    expected = [float(terms.expand(entry).subs(AT)) for entry in matrix]
+    assert list(computed(statements(matrix, terms, ())).values()) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("product", "name"),
+    [
+        (a * b, "a_times_b"),
+        (a / b, "a_over_b"),
+        (a**2 * b, "a_squared_times_b"),
+        (a / b**2, "a_over_b_squared"),
+        (1 / a**2, "a_squared_inverse"),
+        (a * b / c, None),
+        (a / (b * c), None),
+        (1 / (a * b), None),
+        (a * b * c, None),
+        (a * b**4, None),
+        (2 * a * b, None),
+        (a * sp.Symbol(24 * "n", real=True), None),
+        (a * sp.Symbol(22 * "n", real=True), f"a_times_{22 * 'n'}"),
+    ],
+    ids=str,
+)
+def test_a_simple_product_says_what_it_is_and_others_are_numbered(product: sp.Expr, name: str | None) -> None:
+    """Of two factors at most, in a short name; from one on, in the order of the lines."""
+    steps = statements(sp.Matrix([[product + d, (product + b) ** 2, (a - c) ** 5 + d, (a - c) * d]]), Terms(), ())
+    names = [steps.names[symbol] for symbol, _ in steps.assignments]
+    numbered = [one for one in names if one.startswith("term_")]
+    assert numbered == [f"term_{k}" for k in range(1, len(numbered) + 1)]
+    if name is None:
+        assert "term_1" in names
+        assert not [one for one in names if "_times_" in one or "_over_" in one]
+    else:
+        assert name in names
+
+
+def test_numbered_terms_are_added_in_the_order_of_their_lines() -> None:
+    """As long as their numbers have one digit each."""
+    powers = [(a + k) ** 4 for k in range(1, 10)]
+    steps = statements(sp.Matrix([[*(power * d for power in powers), sum(powers)]]), Terms(), ())
+    names = [f"term_{k}" for k in range(1, 10)]
+    assert [steps.names[symbol] for symbol, _ in steps.assignments] == names
+    assert PythonCode(steps.names, steps.inlined, steps.negated).doprint(steps.entries[0, 9]) == " + ".join(names)
 
 
 @pytest.mark.parametrize(

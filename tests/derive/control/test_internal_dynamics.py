@@ -19,6 +19,10 @@ FREE = {
     "the heading, seen from beside": (robot(*TWO, outputs=ASIDE), ["phi"]),
     "two angles": (robot(*TWO, *CASTER, angles=("g",), outputs=AHEAD), ["phi", "g"]),
     "a position": (robot(*TWO, outputs={"y1": "x + L*cos(phi)", "y2": "phi"}), ["y"]),
+    "the heading, where y is declared first": (
+        robot(*TWO, outputs=AHEAD).replace('x = "m"\ny = "m"\n', 'y = "m"\nx = "m"\n'),
+        ["phi"],
+    ),
 }
 
 
@@ -45,7 +49,8 @@ def test_its_linearization_is_that_of_its_equation(made: tuple[Derivation, list[
     product = internal.equation * output_map - kinematic.extract(rows, list(range(kinematic.cols)))
     assert all(terms.is_zero(entry) for entry in product)
     ahead = (kinematic * line.pseudo_velocities).xreplace(place)
-    assert ahead.applyfunc(sp.simplify) == sp.Matrix([1] + [0] * (kinematic.rows - 1))  # along x, and nothing turns
+    along_x = [int(q.name == "x") for q in derivation.kinematics.q]
+    assert ahead.applyfunc(sp.simplify) == sp.Matrix(along_x)  # and nothing turns
     wanted = (output_map * line.pseudo_velocities).xreplace(place)
     expected = (internal.equation * wanted).jacobian(internal.free).xreplace(place)
     assert (line.matrix - expected).applyfunc(sp.simplify).is_zero_matrix

@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 
 from derive.derivation import derive_robot
+from derive.description.resolve import read_robot
+from derive.mechanics.constraints import constraint_rows
+from derive.mechanics.over_constraint import check_axles
 from tests.derive.descriptions import AHEAD, CORNERS, derived, motor, part, robot, steered, wheel
 from wmr_input import InputError
 
@@ -119,6 +122,18 @@ def test_axles_that_agree_but_for_a_misprint_are_named(case: str, tmp_path: Path
     assert "'left' and 'right'" in said
     assert by in said
     assert remedy in said
+
+
+@pytest.mark.parametrize("angle", ["0", "6/5", "-6/5", "1/3"])
+def test_axles_that_fall_together_in_one_configuration_are_no_misprint(angle: str, tmp_path: Path) -> None:
+    """Of a fixed wheel that stands on the axle of a steered one, once that is turned by the angle."""
+    beside = (f"a - b*sin({angle})", f"b*cos({angle})")
+    text = robot(steered("fork", ("a", "0"), "g"), wheel("front", "fork"), wheel("rear", at=beside, heading=angle),
+                 motor("rear"), angles=("g",))  # fmt: skip
+    path = tmp_path / "small.toml"
+    path.write_text(text)
+    read = read_robot(path)
+    check_axles(read, constraint_rows(read))
 
 
 def test_a_short_caster_is_no_misprint(tmp_path: Path) -> None:

@@ -14,7 +14,8 @@ import sympy as sp
 from derive.description.resolve import read_robot
 from derive.mechanics.constraints import constraint_rows
 from derive.mechanics.dynamics import Dynamics, derive_dynamics
-from derive.mechanics.kinematics import Kinematics
+from derive.mechanics.elimination import NotSolvable
+from derive.mechanics.kinematics import Kinematics, solve_kinematics
 from derive.mechanics.poses import frame_poses
 from derive.mechanics.pseudo_velocities import choose_kinematics
 from tests.derive.descriptions import motor, part, robot, steered, wheel
@@ -196,3 +197,16 @@ def test_a_value_at_the_defaults_is_a_finite_real_number_or_none() -> None:
     assert kinematics.at_defaults(sp.S(3)) == 3.0
     for expression in (1 / (a - 6 * e), sp.sqrt(b - a), a / (a - 6 * e) - b / (a - 6 * e), b + sp.Symbol("free")):
         assert np.isnan(kinematics.at_defaults(expression))
+
+
+def test_pseudo_velocities_are_refused_if_one_is_left_out_or_there_twice(made: Solved) -> None:
+    """They have to describe the motion that the constraints leave, all of it and nothing else."""
+    kinematics, _ = made
+    described, (first, *others) = kinematics.robot, kinematics.v
+    constraints, forms = constraint_rows(described), kinematics.pseudo_velocities
+    assert solve_kinematics(described, forms, constraints).kinematic_matrix == kinematics.kinematic_matrix
+    with pytest.raises(NotSolvable):
+        solve_kinematics(described, {v: forms[v] for v in others}, constraints)
+    again = sp.Symbol("again", real=True)
+    with pytest.raises(NotSolvable):
+        solve_kinematics(described, {**forms, again: forms[first]}, constraints)

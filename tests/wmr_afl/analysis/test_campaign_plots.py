@@ -1,13 +1,14 @@
 """The figures and files of a campaign, from results that are made by hand."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.wmr_afl.experiments.campaigns.handmade import INF, NAN, result
-from wmr_afl.analysis.campaign_plots import BINS, _binned, draw_errors, draw_success, write
+from wmr_afl.analysis.campaign_plots import BINS, _binned, draw_comparison, draw_errors, draw_success, write
 from wmr_afl.experiments.campaigns.result import wilson
 from wmr_afl.experiments.distributions import SuccessTable
 from wmr_input import WmrError
@@ -60,6 +61,15 @@ def test_success_is_drawn_over_every_quantity_but_seeds() -> None:
     only.draws.clear()
     only.draws["noise_seed"] = np.arange(4)
     assert [axes.get_xlabel() for axes in draw_success(only).axes] == ["noise_seed"]
+
+
+def test_above_each_figure_it_stands_whose_runs_it_shows() -> None:
+    """And how many they are; a name is no mathematics."""
+    one = result([[0.1, 0.2], [0.3, 0.4], [INF, INF]], [NAN, NAN, 1.0])
+    for draw in (draw_errors, draw_success):
+        assert draw(one).get_suptitle() == "3 runs of AFL"
+        assert draw(replace(one, controller="$x$")).get_suptitle() == r"3 runs of \$x\$"
+    assert draw_comparison({"AFL": one, "other": one}).get_suptitle() == "3 runs, the same draws for each law"
 
 
 def test_files_of_a_campaign_are_its_summary_and_two_figures(tmp_path: Path) -> None:

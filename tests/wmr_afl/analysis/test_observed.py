@@ -38,3 +38,14 @@ def test_slip_is_drawn_over_what_it_is() -> None:
     alone = plots.overview({"a": run(slip=slip, slip_names=names)}, "title")["slip_a"].axes
     assert [len(axes.get_lines()) for axes in alone] == [1, 1]
     assert "slip_a" not in plots.overview({"a": run()}, "title")
+
+
+def test_below_the_lowest_panel_of_each_figure_over_time_stands_time() -> None:
+    """And above each figure the title of the experiment."""
+    signals = {"observed": np.ones((len(TIME), 5)), "unexpected": np.ones((len(TIME), 2))}
+    figures = plots.overview({"a": run(**signals), "b": run(2)}, "a title")
+    assert {"errors", "inputs", "estimates_a", "observed_a"} <= set(figures)
+    for name, figure in figures.items():
+        assert figure.get_suptitle() == "a title"
+        lowest = min(figure.axes, key=lambda axes: axes.get_position().y0)
+        assert (lowest.get_xlabel() == "time [s]") == (name != "path")

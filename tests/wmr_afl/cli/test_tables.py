@@ -1,5 +1,6 @@
 """What tables and lines of the command line hold, for runs, campaigns and models that are made by hand."""
 
+import io
 from types import SimpleNamespace
 from typing import Any
 
@@ -135,6 +136,36 @@ def test_why_nothing_can_be_adapted_is_told() -> None:
     blind = SimpleNamespace(has=lambda term: True, output_units={}, units_of=lambda kind: {"a": "kg", "b": "kg"})
     expected = "none without outputs; R u = Y pi is linear in 2 parameters"
     assert show._adaptation(blind) == expected  # type: ignore[arg-type]
+
+
+class Alone:
+    """A model without outputs and what a controller needs of them."""
+
+    def __getattr__(self, name: str) -> Any:
+        return {} if name == "output_units" else getattr(MODEL, name)
+
+    def has(self, term: str) -> bool:
+        return term != "decoupling_matrix" and MODEL.has(term)
+
+
+@pytest.mark.parametrize(("model", "is_alone"), [(MODEL, False), (Alone(), True)])
+def test_of_a_model_alone_it_is_told_that_there_is_nothing_to_control(model: Any, is_alone: bool) -> None:
+    table = {row[0]: row[1:] for row in map(cells, "".join(map(printed, show.describe(model))).splitlines()) if row}
+    assert (table.get("controller") == ["none: the description wants the model alone"]) == is_alone
+    assert ("singular where" in table) == ("internal coordinates" in table) == (not is_alone)
+    assert (table["outputs"] == ["none"]) == is_alone
+
+
+def test_a_progress_bar_leaves_nothing_behind_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stands there while it is under way, and its lines are erased at the end."""
+    screen = io.StringIO()
+    monkeypatch.setattr(terminal, "errors", Console(file=screen, force_terminal=True, width=80))
+    with terminal.progress_bar() as bar:
+        bar.add_task("some work", total=2, completed=1)
+        bar.refresh()
+    assert "some work" in screen.getvalue()
+    assert "50 %" in screen.getvalue()
+    assert screen.getvalue().endswith("\x1b[2K")
 
 
 def test_without_a_verb_all_verbs_are_told() -> None:

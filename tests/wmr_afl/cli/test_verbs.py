@@ -22,6 +22,8 @@ from wmr_afl.cli import app, progress, terminal
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.laws import LAWS, Situation
 from wmr_afl.simulation.closed_loop import trace
+from wmr_afl.simulation.kernels.block import LANES
+from wmr_afl.simulation.kernels.compiled import print_loop
 from wmr_afl.simulation.layout import Layout
 
 STUDY = (EXPERIMENTS / "study_1.toml").read_text().replace("duration = 140.0", "duration = 2.0")
@@ -137,6 +139,10 @@ def test_a_loop_is_shown_with_its_sizes_and_operations() -> None:
     step = trace(loop)
     work = [k for k in range(step.n_instructions()) if step.instruction_id(k) not in (0,)]
     assert 0 < int(table["operations of a step"][1]) < len(work)
+    program = print_loop(step, LANES)
+    assert f"{len(program.robot)} lines for each robot, before its first step" in done.output
+    assert f"{len(program.time)} lines for each step, the same for all robots" in done.output
+    assert f"{len(program.both)} lines for each step and robot, {LANES} robots in lockstep" in done.output
     assert call("show", "study_2", "--loop").output.startswith("AFL on type_2_0")
     code = call("show", "study_2", "--code")
     assert code.output.startswith("/* A closed loop")

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from wmr_afl.errors import ArgumentError, ShapeError
-from wmr_afl.numerics.arguments import checked, real_numbers
+from wmr_afl.numerics.arguments import checked, real_numbers, to_write
 
 KINDS: dict[str, tuple[Any, list[Any], list[Any], str]] = {  # annotation -> what is right, what is wrong, the remedy
     "a name or a path": (
@@ -98,3 +98,11 @@ def test_numbers_are_read_as_they_are_and_nothing_else_becomes_nan() -> None:
         real_numbers("x", np.ma.masked_array([1.0, 2.0], [True, False]))
     with pytest.raises(ShapeError, match="instead of real numbers"):
         real_numbers("x", ["1"], kinds="fiu")
+
+
+@pytest.mark.parametrize("given", ["a", "a/b.h5", Path("c"), ".", "with space", "ö"])
+def test_what_is_to_be_written_has_any_path_that_a_file_may_have(given: str | Path) -> None:
+    """A zero byte ends a path for the system, which would say so in another way."""
+    assert to_write("out", given) == Path(given)
+    with pytest.raises(ArgumentError, match=r"^out is .*; give a path without a zero byte$"):
+        to_write("out", f"{given}\0{given}")

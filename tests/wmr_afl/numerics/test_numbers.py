@@ -271,3 +271,22 @@ def test_forces_that_act_on_each_other_stop_what_they_oppose(count: int, library
         assert np.all(force <= most)
         seen |= {*at_most.tolist(), *at_least.tolist()}
     assert seen == {True, False}
+
+
+def test_a_part_takes_what_its_constructor_gives_it_and_nothing_later() -> None:
+    """Not even the same once more: what was traced from it would not notice."""
+
+    class Base(Part):
+        def __init__(self) -> None:
+            self.first = 1
+
+    class Derived(Base):
+        def __init__(self) -> None:
+            super().__init__()
+            self.second = 2
+
+    for one in (Base(), Derived()):
+        for name in ("first", "second"):
+            with pytest.raises(AttributeError, match=f"a {type(one).__name__} is fixed once it is built"):
+                setattr(one, name, 1)
+    assert vars(Derived()) == {"first": 1, "second": 2, "_is_built": True}

@@ -25,6 +25,7 @@ from wmr_afl.plant import (
     Uncertainty,
 )
 from wmr_afl.plant.integrators import INTEGRATORS, euler, rk4
+from wmr_afl.plant.joint_stops import JointStops
 from wmr_afl.plant.order import UncertaintiesTable
 from wmr_afl.plant.uncertainty import Resistance, Surroundings
 from wmr_input import InputError
@@ -444,3 +445,28 @@ def test_a_delay_is_a_whole_number_of_samples_at_every_scale(samples: int, step:
     for off in (-0.5, 0.3, 0.5):
         with pytest.raises(WmrError, match="no whole number"):
             built({"input_delay": {"seconds": (samples + off) * step}}, load_model("type_2_0"), step=step)
+
+
+@pytest.mark.parametrize("step", [1e9, 1e9 + 1.0, 1e9 - 1.0])
+def test_a_billionth_of_a_delay_does_not_matter(step: float) -> None:
+    """Exactly that much more or less is still one sample; twice as much is not."""
+    tables, model = {"input_delay": {"seconds": 1e9}}, load_model("type_2_0")
+    (delay,) = built(tables, model, step=step)
+    assert delay.samples_late == 1
+    if step != 1e9:
+        with pytest.raises(WmrError, match="no whole number"):
+            built(tables, model, step=2.0 * step - 1e9)
+
+
+def test_stops_push_along_the_rates_of_their_distances_and_never_pull() -> None:
+    """Those that the model tells, at the coordinates of the state and with the parameters that the robot has."""
+    model = SimpleNamespace(
+        coordinate_count=2,
+        joint_stops=lambda q, p: np.array([p[0] - q[1], p[0] + q[1]]),
+        joint_stops_matrix=lambda q, p: np.array([[-p[1], 0.0], [p[1], q[0]]]),
+    )
+    x, p = np.array([3.0, 0.2, 9.0, 9.0]), np.array([0.6, 2.0])
+    found = JointStops().resistance(x, p, SimpleNamespace(), model)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(found.matrix, [[-2.0, 0.0], [2.0, 3.0]])
+    np.testing.assert_allclose(found.distance, [0.4, 0.8], rtol=1e-15)
+    assert (list(found.least), list(found.most)) == ([None, None], [0.0, 0.0])  # F = most as a distance grows: none

@@ -103,3 +103,42 @@ def test_workers_are_waited_for_only_where_there_are_none() -> None:
     with pytest.warns(BackendWarning), pytest.raises(WmrError, match=r"has had no worker for .* s; start workers"):
         workers._wait_for_a_worker(client({}, comes=False), PLACE)
     assert waited == [(1, workers.HELP)] * 2
+
+
+class Block:
+    """A block under way; `result` is what its worker gives, if one ever does."""
+
+    def __init__(self, result: Any = None) -> None:
+        self.status, self.value = "pending" if result is None else "finished", result
+        self.is_kept = True
+
+    def add_done_callback(self, done: Callable[[Any], None]) -> None:
+        if self.value is not None:
+            done(self)
+
+    def result(self) -> Any:
+        return self.value
+
+    def release(self) -> None:
+        self.is_kept = False
+
+
+def test_blocks_are_waited_for_as_long_as_there_are_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is finished is given; once all workers are gone for a while, it is told."""
+    monkeypatch.setattr(workers, "LOOK", 0.01)
+    monkeypatch.setattr(workers, "HELP", 0.03)
+    threads = iter([{"one": 2}] * 20 + [{}] * 1000)
+    seen = []
+
+    def nthreads() -> dict[str, int]:
+        seen.append(next(threads))
+        return seen[-1]
+
+    blocks = {(done := Block("columns")): 7, (left := Block()): 8}
+    finished = workers._as_finished(SimpleNamespace(nthreads=nthreads), blocks, PLACE)
+    assert next(finished) == (7, "columns")
+    assert seen == []
+    with pytest.raises(WmrError, match=rf"the scheduler at {PLACE} has had no worker for 0.03 s; start workers"):
+        next(finished)
+    assert len(seen) > 20
+    assert (done.is_kept, left.is_kept) == (False, True)  # what was given is not held any longer

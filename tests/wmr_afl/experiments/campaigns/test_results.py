@@ -42,6 +42,15 @@ def test_quantiles_are_never_too_optimistic() -> None:
     assert one.quantiles()["largest estimate"].shape == (len(LEVELS),)
 
 
+def test_quantiles_are_told_in_pairs_about_the_median() -> None:
+    """In order, and of the larger values one more."""
+    assert list(LEVELS) == sorted(LEVELS)
+    paired = [level for level in LEVELS if any(abs(level + other - 1.0) < 1e-12 for other in LEVELS)]
+    assert 0.5 in paired
+    assert len(paired) == len(LEVELS) - 1
+    assert max(LEVELS) not in paired
+
+
 def test_measures_are_of_every_output_and_of_the_motor_that_needs_most() -> None:
     """Each named with its unit."""
     volts = np.array([[1.0, 3.0], [4.0, 2.0]])
@@ -135,6 +144,20 @@ success = { rms = 0.05 }
 [campaign.scale]
 m_C = { uniform = [0.9, 1.1] }
 """
+
+
+def test_what_no_robot_can_have_is_told_of_the_first_run(tmp_path: Path) -> None:
+    """Of which the same draw, moved to where a robot can have it, is by as much larger."""
+    path, drawn = tmp_path / "one.toml", "[campaign.parameters]\nm_C = {{ uniform = [{}, {}] }}\n"
+    text = EXPERIMENT[: EXPERIMENT.index("[campaign.scale]")]
+    path.write_text(text + drawn.format(1.0, 2.0))
+    possible = prepare(path, backend="casadi")
+    (first,) = ensemble_of(possible, loop_of(possible), 0, 1)[0]["parameters.m_C"]
+    path.write_text(text + drawn.format(-2.0, -1.0))
+    with pytest.raises(InputError, match="what no robot can have: m_C = ") as caught:
+        prepare(path, backend="casadi")
+    told = float(str(caught.value).partition("m_C = ")[2].split()[0])
+    assert told == pytest.approx(first - 3.0, rel=1e-3)
 
 
 def fingerprint(path: Path, text: str = EXPERIMENT, **options) -> str:

@@ -281,6 +281,9 @@ def test_a_block_holds_what_it_is_given_then_zeros_and_no_failure() -> None:
     assert not block.largest.any()
     block.squares[:], block.largest[:] = 1.0, 2.0
     np.testing.assert_array_equal(block.rows[2:7].sum(axis=1), [3.0, 3.0, 6.0, 6.0, 6.0])
+    block.failed[1] = 4.0
+    block.count_from_here()
+    np.testing.assert_array_equal(block.rows, [[0, 1, 2], [3, 4, 5], *[[0, 0, 0]] * 5, [np.inf, 4, np.inf]])
     for shape in ((3, 5), (1, 1), (64, 7), (2, 9)):
         room = aligned(shape)
         assert room.shape == shape

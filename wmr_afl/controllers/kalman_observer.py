@@ -40,7 +40,7 @@ class KalmanObserver(Observer):
         x^ += P h^T i/(h P h^T + r^2)             P -= P h^T h P/(h P h^T + r^2)
 
     Q = (rate^3 r_q T)^2 of delta puts the poles of a measured coordinate near `rate` [1/s]; r_q is the smallest noise
-    of a coordinate, or of a rate over `rate`. Q = (slip_rate^2 r_q T)^2 of sigma, which is zero without `slip_rate`
+    of a coordinate, or of a speed over `rate`. Q = (slip_rate^2 r_q T)^2 of sigma, which is zero without `slip_rate`
     [1/s]. Where z says nothing the motion goes on as S tells, as of a coordinate that is carried along. At the first
     sample v^ = sigma^ = delta^ = 0, measured coordinates are as measured, others as `first` says or as before a gap.
     `p` (n_p,): parameters of A, S and X, which are geometry; `deviation` [units of z].
@@ -67,10 +67,12 @@ class KalmanObserver(Observer):
         self.measurement: Measurement = measurement
         self.rate, self.bound = np.array([float(rate)]), np.array([float(bound)])
         self.n, self.count = model.coordinate_count, model.pseudo_velocity_count
-        self.deviation = np.array(measurement.deviations(deviation, SMALL, SMALL * float(rate)))
         self.p = np.array(p, dtype=float)
         coordinates = list(model.state_units)[: self.n]
         self.first = by_name("coordinate", dict(first or {}), coordinates, missing=0.0)
+        # An encoder is as good as the speed that it tells, whatever the radius of its wheel.
+        self._sizes = np.array(measurement.sizes(self.first, self.p, model))
+        self.deviation = np.array(measurement.deviations(deviation, SMALL, SMALL * float(rate) * self._sizes))
         self._inputs = len(model.input_units)
         sees_rates = len(measurement.names) > len(measurement.coordinates)
         self.slip_rate = None if slip_rate is None else np.array([float(slip_rate)])
@@ -178,7 +180,7 @@ class KalmanObserver(Observer):
             F[n + j][n + count + slips + j] = step
         matrix = arrays.matrix(F)
         P = entries(matrix @ arrays.matrix(_unpacked(z.covariance, size)) @ matrix.T)
-        rate, finest = k.rate[0], k.deviation[self._finest]
+        rate, finest = k.rate[0], k.deviation[self._finest] / self._sizes[self._finest]
         if self._finest not in self.measurement.coordinates.values():
             finest = finest / rate
         noise = (rate * rate * rate * finest * step) ** 2
@@ -192,7 +194,8 @@ class KalmanObserver(Observer):
     def _finest(self) -> int:
         """The entry of z with the least noise, that of a rate over the observer's rate."""
         coordinates = self.measurement.coordinates.values()
-        scaled = [r if m in coordinates else r / self.rate[0] for m, r in enumerate(self.deviation)]
+        known = self.deviation / self._sizes
+        scaled = [r if m in coordinates else r / self.rate[0] for m, r in enumerate(known)]
         return int(np.argmin(scaled))
 
     def _at_start(self, x: Array, z: SimpleNamespace, k: SimpleNamespace) -> tuple[list[Array], list[Array]]:

@@ -48,7 +48,7 @@ class PoseObserver(Observer):
         bound: float = np.inf,
         measurement: Measurement | None = None,
     ) -> None:
-        """`measurement`: of coordinates in order, if that is what `see` is given instead of x."""
+        """`measurement`: of the pose, or of all of x, if its entries are what `see` is given."""
         self.outputs, self.measures_v, self.measurement = outputs, measures_v, measurement
         self.rate, self.bound = np.array([float(rate)]), np.array([float(bound)])
         self.check_numbers()
@@ -64,6 +64,8 @@ class PoseObserver(Observer):
 
     def see(self, x: Array, z: SimpleNamespace, k: SimpleNamespace, c: Array, model: Model, step: Array) -> Seen:
         """What this sample tells; of x (2n-m,) only q is looked at unless v is measured, too."""
+        if self.measurement is not None:
+            x = self.measurement.state(x, None, model)
         arrays, n, runs = model.arrays, model.coordinate_count, z.is_running[0]
         q, passed = x[:n], arrays.where(step > 0.0, step, 1.0)
         y, E = model.output(q, c), model.output_map(q, c)

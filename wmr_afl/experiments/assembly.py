@@ -254,28 +254,36 @@ class _Assembly:
             for key in ("deviation", "slip", "carried", "first"):
                 if key in given.model_fields_set:
                     raise WmrError(f"observer.{key} means nothing where the pose is measured", 'add kind = "kalman"')
-            pose, sees_v = list(model.state_units)[: model.coordinate_count], len(measured) == len(model.state_units)
-            seen = None if sees_v else Measurement(model, pose)
-            return PoseObserver(len(model.output_units), rate, sees_v, given.bound, seen)
+            sees = Measurement(model, measured)
+            pose = list(model.state_units)[: model.coordinate_count]
+            if set(measured) not in (set(pose), set(model.state_units)):
+                raise WmrError(
+                    'observer.kind "pose" needs all of q, or of x, and nothing else', 'write kind = "kalman"'
+                )
+            return PoseObserver(
+                len(model.output_units), rate, sees.tells_v, given.bound, None if table.knows_v else sees
+            )
         p = numbers["observer.p"]
         sees = Measurement(model, measured)
         slip_rate = None
         if given.slip and sees.tells_q:
             slip_rate = given.slip_rate or rate / SLOWER_SLIP
-        elif given.slip_rate is not None:
+        elif given.slip_rate is not None and not sees.tells_q:
             raise WmrError("observer.slip_rate means nothing where q is measured in part", "remove it, or measure q")
         observer = KalmanObserver(model, sees, rate, p, given.deviation, given.first, given.bound, slip_rate)
-        for name in given.carried:
-            if name not in model.state_units or name in measured:
-                raise WmrError(f"observer.carried names {name}", "name entries of the state that are not measured")
-        known = [*measured, *given.carried]
-        left = undetermined(model, known, p)
+        coordinates = list(model.state_units)[: model.coordinate_count]
+        for key, names in (("carried", given.carried), ("first", list(given.first))):
+            for n, name in enumerate(names):
+                if name not in coordinates or name in measured or name in names[:n]:
+                    raise WmrError(f"observer.{key} names {name}", "name coordinates that are not measured, once")
+        unseen = undetermined(model, measured, p)
+        carried_by_motion = set(unseen) <= set(coordinates)  # where a rate is left, nothing tells how they are carried
+        left = unseen if not carried_by_motion else [name for name in unseen if name not in given.carried]
         if left:
-            remedy = f"measure {', or '.join(' and '.join(names) for names in remedies(model, known, p))}, too"
-            joints = [name for name in left if name in list(model.state_units)[: model.coordinate_count]]
-            if joints and not undetermined(model, [*known, *joints], p):
-                remedy += f", or let the motion carry it along: observer.carried = {joints}"
-            raise WmrError(f"{', '.join(measured)} do not determine {', '.join(left)}", remedy)
+            remedy = f"measure {', or '.join(' and '.join(names) for names in remedies(model, measured, p))}, too"
+            if carried_by_motion:
+                remedy += f", or let the motion carry along what nothing tells: observer.carried = {list(unseen)}"
+            raise WmrError(f"nothing of {', '.join(measured)} determines {', '.join(left)}", remedy)
         return observer
 
     def _linearizing(self, name: str, table: ControllerTable, place: Callable[[str], str]) -> TrackingLaw:

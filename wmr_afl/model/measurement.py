@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.model.model import Model
-from wmr_afl.numerics.arrays import Array
+from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.linear_algebra import entries, solve_positive
 from wmr_afl.numerics.vectors import by_name
 from wmr_input.fields import Named
@@ -88,9 +89,17 @@ class Measurement:
             for i, motor in zip(self._states, self._motors, strict=True)
         ]
 
-    def deviations(self, given: Named | None, coordinate: float, rate: float) -> list[float]:
-        """The noise of each entry of z: as `given`, else that of a coordinate [m, rad] or of a rate [m/s, rad/s]."""
-        usual = [coordinate if i is not None and i < self._coordinates else rate for i in self._states]
+    def sizes(self, q: Floats, p: Floats, model: Model) -> list[float]:
+        """How much larger than those of v the rates in z are: of a motor the length of its row of X(q), else 1."""
+        rows = self.rows(q, p, model.in_library("numpy"))
+        lengths = [float(np.sqrt(sum(float(weight) ** 2 for weight in row.values()))) for row in rows]
+        return [one if np.isfinite(one) and one > 0.0 else 1.0 for one in lengths]
+
+    def deviations(self, given: Named | None, coordinate: float, rates: ArrayLike) -> list[float]:
+        """The noise of each entry of z: as `given`, else that of a coordinate [m, rad] or of `rates`, all or each."""
+        others = np.broadcast_to(rates, len(self.names)).tolist()
+        pairs = zip(self._states, others, strict=True)
+        usual = [coordinate if i is not None and i < self._coordinates else other for i, other in pairs]
         if given is None:
             return usual
         if isinstance(given, dict):

@@ -44,8 +44,8 @@ def _lost(loop: ClosedLoop, surprise: float, numbers: Mapping[str, Floats]) -> s
     rate, bound = numbers["observer.rate"][0], numbers["observer.bound"][0]
     return (
         f"the observer is lost: a sample differs by {surprise:.3g} m or rad from what was expected, "
-        f"its bound is {bound:g}; "
-        f"correct the guess, tell delays and noise, or lower its rate ({rate:g} /s at {loop.sample_time:g} s)"
+        f"its bound is {bound:g}; look at the guess, at delays and noise that are not told, and at the rate of the "
+        f"observer, {rate:g} /s at samples of {loop.sample_time:g} s"
     )
 
 

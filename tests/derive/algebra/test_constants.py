@@ -96,3 +96,18 @@ def test_ratios_of_decimals_keep_their_identities(decimals: tuple[str, str]) -> 
                 c1, s1, c2, s2 = map(read, (sp.cos(x), sp.sin(x), sp.cos(y), sp.sin(y)))
                 identities += [read(sp.cos(x + y)) - c1 * c2 + s1 * s2, read(sp.sin(x - y)) - s1 * c2 + c1 * s2]
         assert set(map(constants.exact, identities)) == {0}
+
+
+@pytest.mark.parametrize(
+    "angles", [("0.7", sp.pi * 2 / 7), ("0.7", "0.7000001"), ("1.1", "0.3333333", sp.pi / 11)], ids=str
+)
+def test_angles_without_a_simple_ratio_have_each_its_own_sine_and_cosine(angles: tuple) -> None:
+    """Whichever is read first; each to a double's last digit, and together on the unit circle."""
+    for order in (angles, angles[::-1]):
+        constants = Constants()
+        numbers = [sp.sympify(one, rational=True) for one in order]
+        read = [(constants.inside_functions(sp.cos(x)), constants.inside_functions(sp.sin(x))) for x in numbers]
+        for x, (cosine, sine) in zip(numbers, read, strict=True):
+            c, s = constants.exact(cosine), constants.exact(sine)
+            assert (float(c), float(s)) == pytest.approx((float(sp.cos(x)), float(sp.sin(x))), rel=4e-16)
+            assert c**2 + s**2 == 1

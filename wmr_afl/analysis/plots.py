@@ -210,19 +210,19 @@ def _estimates(run: Run) -> Figure:
 
 
 def _observed(run: Run) -> Figure:
-    """Each velocity as it is and as the observer tells it, and what was not expected of each output."""
-    n, model = run.model.coordinate_count, run.model
-    velocities = list(model.state_units.items())[n:]
-    figure = new_figure(7.0, 0.9 + 1.3 * (len(velocities) + len(model.output_units)))
-    panels = figure.subplots(len(velocities) + len(model.output_units), 1, sharex=True, squeeze=False)[:, 0]
-    for index, (axes, (name, unit)) in enumerate(zip(panels, velocities, strict=False)):
-        if run.observed is not None:
-            axes.plot(run.time, run.observed[:, n + index], label="observed", **style_of(1))
-        axes.plot(run.time, run.state[:, n + index], label="of the robot", **style_of(0))
+    """What is not measured as it is and as the observer tells it, and what was not expected of each output."""
+    n, model, observed = run.model.coordinate_count, run.model, run.observed
+    entries = list(enumerate(model.state_units.items()))
+    shown = [entry for entry in entries if entry[0] >= n or _differs(observed, run.state, entry[0])]
+    outputs = list(model.output_units.items())
+    figure = new_figure(7.0, 0.9 + 1.3 * (len(shown) + len(outputs)))
+    panels = figure.subplots(len(shown) + len(outputs), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (index, (name, unit)) in zip(panels, shown, strict=False):
+        axes.plot(run.time, run.state[:, index], label="of the robot", **style_of(0))
+        if observed is not None:
+            axes.plot(run.time, observed[:, index], label="observed", **style_of(1))
         axes.set(ylabel=f"{name} [{unit}]")
-    for index, (axes, (name, unit)) in enumerate(
-        zip(panels[len(velocities) :], model.output_units.items(), strict=True)
-    ):
+    for index, (axes, (name, unit)) in enumerate(zip(panels[len(shown) :], outputs, strict=True)):
         if run.unexpected is not None:
             axes.plot(run.time, run.unexpected[:, index], color=COLOURS[2])
         axes.set(ylabel=f"unexpected of\n{name} [{unit}/s^2]")
@@ -230,6 +230,11 @@ def _observed(run: Run) -> Figure:
     panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     figure.align_ylabels(panels)
     return figure
+
+
+def _differs(observed: Floats | None, state: Floats, index: int) -> bool:
+    """Whether an entry of the state is not taken from the robot as it is."""
+    return observed is not None and not np.array_equal(observed[:, index], state[:, index])
 
 
 def _slip(run: Run, measured: Floats) -> Figure:

@@ -43,7 +43,8 @@ class KalmanObserver(Observer):
     of a coordinate, or of a speed over `rate`. Q = (slip_rate^2 r_q T)^2 of sigma, which is zero without `slip_rate`
     [1/s]. Where z says nothing the motion goes on as S tells, as of a coordinate that is carried along. At the first
     sample v^ = sigma^ = delta^ = 0, measured coordinates are as measured, others as `first` says or as before a gap.
-    `p` (n_p,): parameters of A, S and X, which are geometry; `deviation` [units of z].
+    `p` (n_p,): parameters of A, S and X, which are geometry; `deviation` [units of z]. In values and scales of
+    batches the noise of a motor's rate is that of the speed it tells, over the length of its row of X.
 
     Raises:
         WmrError: if a rate or a deviation is not positive.
@@ -70,9 +71,9 @@ class KalmanObserver(Observer):
         self.p = np.array(p, dtype=float)
         coordinates = list(model.state_units)[: self.n]
         self.first = by_name("coordinate", dict(first or {}), coordinates, missing=0.0)
-        # An encoder is as good as the speed that it tells, whatever the radius of its wheel.
-        self._sizes = np.array(measurement.sizes(self.first, self.p, model))
-        self.deviation = np.array(measurement.deviations(deviation, SMALL, SMALL * float(rate) * self._sizes))
+        # An encoder is as good as the speed that it tells, whatever the radius of its wheel: its noise is kept as one of v.
+        sizes = np.array(measurement.sizes(self.first, self.p, model))
+        self.deviation = np.array(measurement.deviations(deviation, SMALL, SMALL * float(rate) * sizes)) / sizes
         self._inputs = len(model.input_units)
         sees_rates = len(measurement.names) > len(measurement.coordinates)
         self.slip_rate = None if slip_rate is None else np.array([float(slip_rate)])
@@ -125,7 +126,8 @@ class KalmanObserver(Observer):
             innovation = x[m] - sum(weight * state[i] for i, weight in row.items())
             if self.measurement.is_angle[m]:
                 innovation = within_half_a_turn(innovation, arrays)
-            state, P = _corrected(state, P, row, innovation, k.deviation[m] * k.deviation[m])
+            size = 1.0 if self.measurement.is_state(m) else sum(weight * weight for weight in row.values())  # squared
+            state, P = _corrected(state, P, row, innovation, k.deviation[m] * k.deviation[m] * size)
             if m in coordinates:
                 surprise = arrays.maximum(surprise, arrays.absolute(innovation))
         q, delta = arrays.vector(state[:n]), arrays.vector(state[len(state) - count :])
@@ -180,7 +182,7 @@ class KalmanObserver(Observer):
             F[n + j][n + count + slips + j] = step
         matrix = arrays.matrix(F)
         P = entries(matrix @ arrays.matrix(_unpacked(z.covariance, size)) @ matrix.T)
-        rate, finest = k.rate[0], k.deviation[self._finest] / self._sizes[self._finest]
+        rate, finest = k.rate[0], k.deviation[self._finest]
         if self._finest not in self.measurement.coordinates.values():
             finest = finest / rate
         noise = (rate * rate * rate * finest * step) ** 2
@@ -194,8 +196,7 @@ class KalmanObserver(Observer):
     def _finest(self) -> int:
         """The entry of z with the least noise, that of a rate over the observer's rate."""
         coordinates = self.measurement.coordinates.values()
-        known = self.deviation / self._sizes
-        scaled = [r if m in coordinates else r / self.rate[0] for m, r in enumerate(known)]
+        scaled = [r if m in coordinates else r / self.rate[0] for m, r in enumerate(self.deviation)]
         return int(np.argmin(scaled))
 
     def _at_start(self, x: Array, z: SimpleNamespace, k: SimpleNamespace) -> tuple[list[Array], list[Array]]:

@@ -263,6 +263,11 @@ class _Assembly:
             return PoseObserver(
                 len(model.output_units), rate, sees.tells_v, given.bound, None if table.knows_v else sees
             )
+        coordinates = list(model.state_units)[: model.coordinate_count]
+        for key, names in (("carried", given.carried), ("first", list(given.first))):
+            for n, name in enumerate(names):
+                if name not in coordinates or name in measured or name in names[:n]:
+                    raise WmrError(f"observer.{key} names {name}", "name coordinates that are not measured, once")
         p = numbers["observer.p"]
         sees = Measurement(model, measured)
         slip_rate = None
@@ -271,11 +276,6 @@ class _Assembly:
         elif given.slip_rate is not None and not sees.tells_q:
             raise WmrError("observer.slip_rate means nothing where q is measured in part", "remove it, or measure q")
         observer = KalmanObserver(model, sees, rate, p, given.deviation, given.first, given.bound, slip_rate)
-        coordinates = list(model.state_units)[: model.coordinate_count]
-        for key, names in (("carried", given.carried), ("first", list(given.first))):
-            for n, name in enumerate(names):
-                if name not in coordinates or name in measured or name in names[:n]:
-                    raise WmrError(f"observer.{key} names {name}", "name coordinates that are not measured, once")
         unseen = undetermined(model, measured, p)
         carried_by_motion = set(unseen) <= set(coordinates)  # where a rate is left, nothing tells how they are carried
         left = unseen if not carried_by_motion else [name for name in unseen if name not in given.carried]

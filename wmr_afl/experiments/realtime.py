@@ -90,6 +90,7 @@ class Controller(Fixed):
         self._restarts = [place.start for place in places.values()]
         exact = tuple(f"{part.name}." for part in (ReferenceModel, Observer))  # go by the time that has passed
         self._comparing = [place.start for name, place in places.items() if not name.startswith(exact)]
+        self._watching = [place.start for name, place in places.items() if name.startswith(f"{Observer.name}.")]
         self._usual = (1.0 - SAME) * self.sample_time, (1.0 + SAME) * self.sample_time
         self._given, self._out = np.zeros(self._size + 1), np.zeros(self._inputs + 2)
         self._now_given = np.ravel(
@@ -154,6 +155,8 @@ class Controller(Fixed):
                 self._now[:] = self._last
             elif STALE * self.sample_time < passed < inf:
                 self._now[self._comparing] = 0.0
+                if passed > self.max_gap:  # nobody knows where the robot went: the observer begins again
+                    self._now[self._watching] = 0.0
             self._x[:], self._step_given[0], self._now_given[0], self._before[:] = measured, step, time, self._now
             if wanted is not None:
                 self._now_given[1:] = wanted
@@ -167,7 +170,7 @@ class Controller(Fixed):
                     self._now[:] = kept
                     self._now[self._restarts] = 0.0
             if not is_sound:
-                raise SimulationError(f"at t = {t} s {self._unsound(time, measured)}", UNSOUND)
+                raise SimulationError(f"at t = {t} s {self._unsound(time, measured)}", self._remedy())
             self._clock[0] = time
             return self._out[:-2].copy()
 
@@ -256,11 +259,34 @@ class Controller(Fixed):
         wrong = [name for name, value in zip(self.measured, measured, strict=True) if not isfinite(value)]
         if wrong:
             return f"{', '.join(wrong)} as measured {'is' if len(wrong) == 1 else 'are'} not finite"
+        surprise = self._surprise()
+        if surprise is not None:
+            return f"the observer is lost: what is measured differs by {surprise:.3g} m or rad from what it expected"
         return (
-            "what is inverted is singular, or the observer is lost"
+            "what is inverted is singular"
             if not self._out[-1] > 0.0
             else "the voltages, or the estimates after them, are not finite"
         )
+
+    def _surprise(self) -> float | None:
+        """By how much the last sample differs from what an observer expected, if that is what made it unsound."""
+        if not self.law.observes or self._out[-1] > 0.0:
+            return None
+        model = self.model.in_library("numpy")
+        k, z = by_part(disjoint(self.law.values, self.drive.values)), by_part(self._layout.unpack(self._before.copy()))
+        _, _, wanted = self.reference.seen(
+            self._now_given if not self._is_formula else float(self._now_given[0]), self.law.lead
+        )
+        with np.errstate(all="ignore"):
+            action = self.law.act(self._x.copy(), wanted, z, k, model, float(self._step_given[0]))
+        surprise = float(action.memory["view"].surprise)
+        return surprise if surprise >= float(k.observer.bound[0]) else None
+
+    def _remedy(self) -> str:
+        """What helps against the last sample."""
+        if self._surprise() is None:
+            return UNSOUND
+        return f"measure again, wait for a gap of {self.max_gap:g} s, after which it begins again, or call reset()"
 
     def _compiled_if_possible(self, step: ca.Function) -> tuple[Floats, Floats, Callable[[], None]]:
         """The states, room for the states before, and a call that advances them from t and x and leaves the inputs."""

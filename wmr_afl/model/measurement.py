@@ -46,6 +46,10 @@ class Measurement:
         """Which entry of z holds a coordinate, by the index of the coordinate."""
         return {i: n for n, i in enumerate(self._states) if i is not None and i < self._coordinates}
 
+    def is_state(self, place: int) -> bool:
+        """Whether an entry of z is one of the state, and not a motor's rate."""
+        return self._states[place] is not None
+
     @property
     def tells_q(self) -> bool:
         """Whether all of q is measured."""

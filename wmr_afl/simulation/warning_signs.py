@@ -6,8 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 
+from wmr_afl.controllers.outer_loop import within_half_a_turn
 from wmr_afl.controllers.tables import OBSERVER_SHARE, SHARE
-from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.arrays import NUMPY, Floats
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.conditions import Condition
 
@@ -16,6 +17,7 @@ GROWN = 30.0  # times the largest first estimate, or true value: no estimate tha
 FAR_BEYOND = 2.0  # times the usual rate: its poles are too fast for the samples
 STUCK = 0.5  # share of the last samples at a bound: the bound tells the estimate, not the robot
 AT_STOP = 1e-3  # [rad]
+WRONG = 0.1  # [m, rad], by which an observed coordinate is off that is not just noisy
 LATE = 2.0 / 7.0  # the end of a run, in which it should have settled
 
 
@@ -32,6 +34,7 @@ def warning_signs(
         if not one.at_start < one.bound
     )
     seen = (*_inputs(loop, signals, numbers), *_joints(loop, signals, numbers), *_rates(loop, numbers))
+    seen = (*seen, *_observed(loop, signals))
     return (*seen, *estimates, *broken)
 
 
@@ -55,6 +58,22 @@ def _rates(loop: ClosedLoop, numbers: Mapping[str, Floats]) -> Iterator[str]:
             what = "observer" if name == "observer.rate" else "loop"
             figures = f"the rate of the {what} is {rate[0]:g} /s, at samples of {loop.sample_time:g} s"
             yield f"{figures} {bearable:g} /s is usual; choose that, or sample faster"
+
+
+def _observed(loop: ClosedLoop, signals: Mapping[str, Floats]) -> Iterator[str]:
+    """What an observer takes for true and is not: a simulation knows."""
+    if "observed" not in signals or loop.law.measurement is None:
+        return
+    late, names = slice(int((1.0 - LATE) * len(signals["x"])), None), list(loop.model.state_units)
+    for index in sorted(set(range(loop.model.coordinate_count)) - set(loop.law.measurement.coordinates)):
+        off = signals["observed"][late, index] - signals["x"][late, index]
+        if loop.model.state_units[names[index]] == "rad":
+            off = within_half_a_turn(off, NUMPY)
+        usual = float(np.median(np.abs(off)))
+        if usual > WRONG:
+            unit = loop.model.state_units[names[index]]
+            remedy = f"measure it, or tell where it is at the start (observer.first = {{ {names[index]} = ... }})"
+            yield f"{names[index]} as observed is off by {usual:.2g} {unit} at the end; {remedy}"
 
 
 def _joints(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:

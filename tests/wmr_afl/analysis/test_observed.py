@@ -7,21 +7,25 @@ from wmr_afl.analysis import plots
 
 
 def test_velocities_and_what_was_not_expected_are_drawn() -> None:
-    """A panel for each velocity, true and observed, and one for each output's d^, with units."""
+    """A panel for each entry that is not measured, true and observed, and one for each output's d^, with units."""
     random = np.random.default_rng(4)
-    one = run(observed=random.normal(size=(len(TIME), 5)), unexpected=random.normal(size=(len(TIME), 2)))
+    n = MODEL.coordinate_count
+    observed = np.hstack([run().state[:, :n], random.normal(size=(len(TIME), 2))])
+    one = run(observed=observed, unexpected=random.normal(size=(len(TIME), 2)))
     panels = plots.overview({"a": one}, "title")["observed_a"].axes
     assert [axes.get_ylabel() for axes in panels] == [
         "v [m/s]", "omega [rad/s]", "unexpected of\ny1 [m/s^2]", "unexpected of\ny2 [m/s^2]"
     ]  # fmt: skip
-    n = MODEL.coordinate_count
     for index, axes in enumerate(panels[:2]):
-        observed, true = axes.get_lines()
-        np.testing.assert_array_equal(observed.get_ydata(), one.observed[:, n + index])
+        true, seen = axes.get_lines()
+        np.testing.assert_array_equal(seen.get_ydata(), one.observed[:, n + index])
         np.testing.assert_array_equal(true.get_ydata(), one.state[:, n + index])
     for index, axes in enumerate(panels[2:]):
         np.testing.assert_array_equal(axes.get_lines()[0].get_ydata(), one.unexpected[:, index])
     assert "observed_a" not in plots.overview({"a": run()}, "title")
+    blind = run(observed=observed + np.array([0.0, 0.0, 1e-9, 0.0, 0.0]), unexpected=one.unexpected)
+    first = plots.overview({"a": blind}, "title")["observed_a"].axes[0]
+    assert first.get_ylabel() == "phi [rad]"
 
 
 def test_slip_is_drawn_over_what_it_is() -> None:

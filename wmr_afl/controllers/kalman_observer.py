@@ -71,7 +71,7 @@ class KalmanObserver(Observer):
         self.p = np.array(p, dtype=float)
         coordinates = list(model.state_units)[: self.n]
         self.first = by_name("coordinate", dict(first or {}), coordinates, missing=0.0)
-        # An encoder is as good as the speed that it tells, whatever the radius of its wheel: its noise is kept as one of v.
+        # An encoder is as good as the speed that it tells, whatever the radius of its wheel: noise is kept as of v.
         sizes = np.array(measurement.sizes(self.first, self.p, model))
         self.deviation = np.array(measurement.deviations(deviation, SMALL, SMALL * float(rate) * sizes)) / sizes
         self._inputs = len(model.input_units)

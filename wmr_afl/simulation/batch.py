@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -55,15 +55,6 @@ class BatchResult:
     def failed(self) -> NDArray[np.bool_]:
         """Which runs failed, (N,)."""
         return np.isfinite(self.failure_time)
-
-
-def rms_of_many(loops: Sequence[ClosedLoop], duration: float) -> Floats:
-    """Root mean square of every loop's tracking error over `duration` [s], (loops, n-m); inf if a run fails.
-
-    Raises:
-        ShapeError: if the loops differ in more than numbers.
-    """
-    return advance_all(loops[0], Ensemble.of(loops), BatchOptions(duration)).rms
 
 
 def advance_all(

@@ -114,3 +114,28 @@ def check(
     console.print(table)
     if not obeyed:
         raise typer.Exit(1)
+
+
+@app.command("check-reference")
+def check_reference(
+    experiment: Annotated[str, typer.Argument(help="A shipped experiment or its file.")],
+) -> None:
+    """Tell whether a robot can follow the reference of an experiment, and when not; exit with 1 if it cannot.
+
+    A law that knows the robot follows it undisturbed and without limits: what voltages does that need, where does the
+    reference jump, where is something singular that is inverted, which joint comes to its stop.
+    """
+    from wmr_afl.analysis.feasibility import demand
+    from wmr_afl.experiments.experiment import read_experiment
+
+    with reporting():
+        found = demand(*read_experiment(experiment))
+    table = Table("motor", "needs up to [V]", "has [V]", box=None, header_style="bold")
+    for name, volts in found.volts.items():
+        limit = found.limits[name]
+        table.add_row(escape(name), f"{volts:.3g}", f"{limit:g}" if limit < float("inf") else "no limit told")
+    console.print(table)
+    for doubt in found.doubts:
+        console.print(escape(str(doubt)), highlight=False)
+    if found.doubts:
+        raise typer.Exit(1)

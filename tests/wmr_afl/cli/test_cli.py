@@ -30,7 +30,19 @@ def run(*arguments: object, cwd: Path = ROOT) -> subprocess.CompletedProcess[str
 
 
 @pytest.mark.parametrize(
-    "verb", [[], ["models"], ["show"], ["derive"], ["check"], ["animate"], ["simulate"], ["reproduce"], ["campaign"]]
+    "verb",
+    [
+        [],
+        ["models"],
+        ["show"],
+        ["derive"],
+        ["check"],
+        ["check-reference"],
+        ["animate"],
+        ["simulate"],
+        ["reproduce"],
+        ["campaign"],
+    ],
 )
 def test_help_shows_a_newcomer_what_there_is(verb: list[str]) -> None:
     done = run(*verb, "--help")

@@ -1,0 +1,118 @@
+"""Whether a robot can follow a reference: what its motors would need if everything were known and nothing disturbed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wmr_afl.controllers.outer_loop import OuterLoopTable
+from wmr_afl.controllers.reference import Reference
+from wmr_afl.controllers.tables import ControllerTable
+from wmr_afl.experiments.assembly import assemble
+from wmr_afl.experiments.experiment import Experiment
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.plant.order import UncertaintiesTable
+from wmr_afl.simulation.closed_loop import ClosedLoop, sample_times
+from wmr_afl.simulation.result import Run
+from wmr_afl.simulation.simulate import simulate
+
+RATE = 10.0  # [1/s] of the law that knows everything, or a fifth of 1/(sample time) where that is less
+SETTLED = 5.0  # time constants of the reference model, after which the robot is where the reference wants it
+JUMP = 1e-2  # [m, rad], and of velocities [m/s, rad/s]: more within a sample than derivatives tell is a jump
+MOST = 4  # of a kind are told one by one
+BEND = 0.2  # of the change that derivatives tell, which a curve may differ from it within a sample
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Something that the robot cannot follow."""
+
+    what: str
+    first: float  # [s]
+    last: float  # [s]
+
+    def __str__(self) -> str:
+        when = f"at {self.first:g} s" if self.first == self.last else f"between {self.first:g} s and {self.last:g} s"
+        return f"{self.what} {when}"
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What following needs."""
+
+    volts: dict[str, float]  # the largest of each motor [V], once the robot is on its way
+    limits: dict[str, float]  # [V], infinite where there is none
+    doubts: tuple[Doubt, ...]
+
+
+def demand(experiment: Experiment, path: Path) -> Demand:
+    """What the reference of the experiment in `path` asks of its robot, with true parameters and undisturbed.
+
+    Raises:
+        InputError: if the experiment does not fit its robot.
+    """
+    limited = experiment.uncertainties.input_limits
+    loop = _knowing(experiment, path)
+    motors = list(loop.model.input_units)
+    bounds = np.full(len(motors), np.inf) if limited is None else np.broadcast_to(limited.volts, len(motors))
+    run = simulate(loop, experiment.simulation.duration, "exact", "casadi")
+    late = run.time >= SETTLED / _rate(experiment)
+    needed = np.abs(run.command[late]).max(axis=0, initial=0.0)
+    doubts = [*_jumps(loop.reference, sample_times(loop, experiment.simulation.duration))]
+    doubts += [*_beyond(run, late, bounds, motors)]
+    if run.failure is not None:
+        doubts.append(Doubt(f"{run.failure.cause},", run.failure.time, run.failure.time))
+    doubts += [Doubt(warning, 0.0, float(run.time[-1])) for warning in run.warnings if "at its stop" in warning]
+    return Demand(
+        dict(zip(motors, needed.tolist(), strict=True)), dict(zip(motors, bounds.tolist(), strict=True)), tuple(doubts)
+    )
+
+
+def _rate(experiment: Experiment) -> float:
+    return min(RATE, 0.2 / experiment.simulation.sample_time)
+
+
+def _knowing(experiment: Experiment, path: Path) -> ClosedLoop:
+    """The loop of a law that knows the robot and meets nothing that disturbs it."""
+    rate = _rate(experiment)
+    passive = ControllerTable(law="frozen", rate=rate, reference_rate=rate)
+    linearizing = ControllerTable(outer_loop=OuterLoopTable(bandwidth=rate), reference_rate=rate)
+    changes = {"uncertainties": UncertaintiesTable(), "shared": ControllerTable(), "campaign": None}
+    quiet = experiment.model_copy(update={**changes, "controllers": {"exact": linearizing}})
+    loop = assemble(quiet, path)["exact"]
+    if not loop.model.has("passivity_regressor"):
+        return loop
+    return assemble(quiet.model_copy(update={"controllers": {"exact": passive}}), path)["exact"]
+
+
+def _jumps(reference: Reference, times: Floats) -> Iterator[Doubt]:
+    """Where the reference, or its velocity, moves by more than its derivatives tell."""
+    step = np.diff(times)[:, None]
+    parts = reference.over(times)
+    for name, value, rate in (("the reference", *parts[:2]), ("the velocity of the reference", *parts[1:])):
+        told = 0.5 * step * (rate[1:] + rate[:-1])
+        off = np.abs(np.diff(value, axis=0) - told)
+        where = np.flatnonzero((off > JUMP + BEND * np.abs(told)).any(axis=1))
+        for index in where[:MOST]:
+            yield Doubt(f"{name} jumps by {off[index].max():.3g}", float(times[index + 1]), float(times[index + 1]))
+
+
+def _beyond(run: Run, late: NDArray[np.bool_], bounds: Floats, motors: list[str]) -> Iterator[Doubt]:
+    """Each stretch of time in which a motor would need more than it has; stretches closer than a second are one."""
+    for index, name in enumerate(motors):
+        over = np.flatnonzero(late & (np.abs(run.command[:, index]) > bounds[index]))
+        if not len(over):
+            continue
+        breaks = np.flatnonzero(np.diff(run.time[over]) > 1.0)
+        stretches = np.split(over, breaks + 1)
+        for stretch in stretches[:MOST]:
+            most = np.abs(run.command[stretch, index]).max()
+            what = f"{name} would need up to {most:.3g} V of {bounds[index]:g} V"
+            yield Doubt(what, float(run.time[stretch[0]]), float(run.time[stretch[-1]]))
+        if len(stretches) > MOST:
+            first, last = stretches[MOST][0], stretches[-1][-1]
+            yield Doubt(f"{name} {len(stretches) - MOST} times more,", float(run.time[first]), float(run.time[last]))

@@ -140,14 +140,48 @@ def limits(runs: int, folder: Path) -> Iterator[list[str]]:
         yield [case, *map(three_digits, quantiles(scores.worse[0])), share, f"{np.median(scores.travel):.0f}"]
 
 
+def study_1(runs: int, folder: Path) -> Iterator[list[str]]:
+    """A row for each draw of study 1, whose motors have no limit: how many runs fail or err by more than 50 mm."""
+    usual, model = load_experiment("study_1").experiment.parameters, wmr_afl.load_model("type_2_0")
+    known = ", ".join(f"{name} = {value}" for name, value in usual.items() if name not in model.known_units)
+    firsts = {"nominal": f"guess = {{ {known} }}\n", "wrong by three": "", "ones": "estimate = 1.0\n"}
+    for law, table in {"pose": POSE, "pose, Kalman": KALMAN}.items():
+        for where in ("the draws of study_1", "starts within a metre"):
+            for first, told in {**firsts, "each physical parameter wrong by three": ""}.items():
+                file = with_controllers("study_1", {"law": table + told}, folder, {})
+                loaded = load_experiment(file)
+                loop = loaded.loops["law"]
+                crowd = Crowd.drawn(loop, SEED, runs)
+                if where == "the draws of study_1":
+                    crowd = replace(crowd, **shipped_draws(runs))
+                if first == "nominal":
+                    crowd = replace(crowd, guesses={})
+                if first.startswith("each"):
+                    crowd = replace(crowd, guesses={"passivity_parameters": physical_guesses(loop, crowd, runs)})
+                scores = crowd.score(loaded.experiment, "law", loop, ((100.0, np.inf),), threads=2)
+                lost = ~(scores.worse[0] < LOST)
+                rate, low, high = wilson(int(lost.sum()), runs, 0.95)
+                share = f"{100 * rate:.1f} ({100 * low:.1f} to {100 * high:.1f})"
+                yield [law, where, first, *map(three_digits, quantiles(scores.worse[0])), share]
+
+
+def shipped_draws(runs: int) -> dict[str, Draws]:
+    """Starts and robots as `[campaign]` of study 1 has them."""
+    random = np.random.default_rng(SEED)
+    start = {name: random.uniform(*ends, runs) for name, ends in
+             (("x", (14.0, 16.0)), ("y", (24.0, 26.0)), ("phi", (-0.5, 0.5)))}  # fmt: skip
+    robots = {f"parameters.{name}": random.uniform(0.5, 2.0, runs) for name in ("m_C", "I_C")}
+    return {"start": start, "robots": robots}
+
+
 def physical_guesses(loop: ClosedLoop, crowd: Crowd, runs: int) -> Draws:
     """Factors on pi if every uncertain physical parameter of a robot is taken for up to three times as much or less."""
     random, model = np.random.default_rng(SEED + 1), loop.model
     names = list(model.units_of("passivity_parameters"))
     true, wrong = np.tile(loop.values["p"], (2, runs, 1))
     for index, name in enumerate(model.parameter_units):
-        if f"parameters.{name}" in crowd.robots:
-            true[:, index] *= crowd.robots[f"parameters.{name}"]
+        if name not in model.known_units:
+            true[:, index] *= crowd.robots.get(f"parameters.{name}", 1.0)
             wrong[:, index] = true[:, index] * OFF ** random.uniform(-1.0, 1.0, runs)
     factors = model.passivity_parameters(wrong) / model.passivity_parameters(true)
     return {f"estimates.{name}": factors[:, index] for index, name in enumerate(names)}
@@ -257,6 +291,11 @@ TABLES: dict[str, tuple[str, tuple[str, ...], Callable[[int, Path], Iterator[lis
         "Study 2 with something else that goes wrong",
         ("case", "law", *JUDGED),
         further,
+    ),
+    "pose, study 1": (
+        f"Study 1 since 100 s; lost are runs that failed or are above {1e3 * LOST:g} mm",
+        ("law", "draws", "first estimates", "median [mm]", "99 %", "worst", "lost [%] (95 %)"),
+        study_1,
     ),
     "pose, robots": (
         "Tracks under friction and a force of 3 rad/s, RMS of the last 40 s [mm], median (worst)",

@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.controllers.groups import Group, Rows, RowsOfGroups, groups_of, inner
+from wmr_afl.controllers.groups import Group, RowsOfGroups, groups_of, inner
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.covariance import Rows
 from wmr_afl.numerics.parts import Fault, Part
 from wmr_afl.numerics.vectors import told
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
-
-Rows = list[list[Array]]
+from wmr_afl.numerics.covariance import Rows, from_upper_half, upper_half
 
 
 @dataclass(frozen=True)
@@ -57,16 +56,12 @@ class RowsOfGroups:
         start = 0
         for group in self.groups:
             size = len(group.parameters)
-            places = {}
-            for i in range(size):
-                for j in range(i, size):
-                    places[i, j] = places[j, i] = packed[start]
-                    start += 1
-            yield group, [[places[i, j] for j in range(size)] for i in range(size)]
+            yield group, from_upper_half(packed, size, start)
+            start += size * (size + 1) // 2
 
     def packed(self, blocks: Sequence[Rows], arrays: Arrays) -> Array:
         """The upper halves of symmetric blocks, one after the other."""
-        return arrays.vector([P[i][j] for P in blocks for i in range(len(P)) for j in range(i, len(P))])
+        return arrays.vector([entry for P in blocks for entry in upper_half(P)])
 
     def packed_diagonals(self, diagonal: Floats) -> Floats:
         """Blocks that are diagonal, packed; `diagonal` (..., n_pi) by parameter."""

@@ -13,6 +13,7 @@ from wmr_afl.controllers.outer_loop import within_half_a_turn
 from wmr_afl.model.measurement import Measurement
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.covariance import Rows, corrected, from_upper_half, upper_half
 from wmr_afl.numerics.linear_algebra import entries, solve
 from wmr_afl.numerics.parts import Fault
 from wmr_afl.numerics.vectors import by_name, told
@@ -114,12 +115,10 @@ class KalmanObserver(Observer):
         arrays, n, count = model.arrays, self.n, self.count
         passed, runs = arrays.where(step > 0.0, step, 1.0), z.is_running[0]
         state, P = self._predicted(z, k, model, passed)
-        at_start, P_at_start = self._at_start(x, z, k)
+        at_start = self._at_start(x, z)
         state = [runs * a + (1.0 - runs) * b for a, b in zip(state, at_start, strict=True)]
-        P = [
-            [runs * P[i][j] + ((1.0 - runs) * P_at_start[i] if i == j else 0.0) for j in range(len(P))]
-            for i in range(len(P))
-        ]
+        unknown = (1.0 - runs) * UNKNOWN * UNKNOWN
+        P = [[runs * entry + (unknown if i == j else 0.0) for j, entry in enumerate(row)] for i, row in enumerate(P)]
         surprise, coordinates = 0.0, self.measurement.coordinates.values()
         rows = self.measurement.rows(arrays.vector(state[:n]), k.p, model)
         for m, row in enumerate(rows):
@@ -127,7 +126,7 @@ class KalmanObserver(Observer):
             if self.measurement.is_angle[m]:
                 innovation = within_half_a_turn(innovation, arrays)
             size = 1.0 if self.measurement.is_state(m) else sum(weight * weight for weight in row.values())  # squared
-            state, P = _corrected(state, P, row, innovation, k.deviation[m] * k.deviation[m] * size)
+            state, P = corrected(state, P, row, innovation, k.deviation[m] * k.deviation[m] * size)
             if m in coordinates:
                 surprise = arrays.maximum(surprise, arrays.absolute(innovation))
         q, delta = arrays.vector(state[:n]), arrays.vector(state[len(state) - count :])
@@ -137,7 +136,7 @@ class KalmanObserver(Observer):
             q_rate = q_rate + self._slip_map(q, S, k, model) @ arrays.vector(state[n + count : n + count + self.slips])
         y_rate = J @ q_rate
         v = solve(E, y_rate, arrays) if self.slips else arrays.vector(state[n : n + count])
-        memory = {"state": arrays.vector(state), "covariance": _packed(P, arrays)}
+        memory = {"state": arrays.vector(state), "covariance": arrays.vector(upper_half(P))}
         return Seen(arrays.join([q, v]), model.output(q, c), y_rate, E @ delta, E, runs * surprise, memory)
 
     def _slip_map(self, q: Array, S: Array, k: SimpleNamespace, model: Model) -> Array:
@@ -146,9 +145,7 @@ class KalmanObserver(Observer):
         along = entries(S) if self.slips > len(A) else [[] for _ in range(self.n)]
         return model.arrays.matrix([[row[i] for row in A] + list(along[i]) for i in range(self.n)])
 
-    def _predicted(
-        self, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
-    ) -> tuple[list[Array], list[list[Array]]]:
+    def _predicted(self, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array) -> tuple[list[Array], Rows]:
         """[q^; v^; sigma^; delta^] and P one step after the last sample."""
         arrays, n, count, slips = model.arrays, self.n, self.count, self.slips
         size = n + 2 * count + slips
@@ -162,14 +159,14 @@ class KalmanObserver(Observer):
         by_x = model.state_jacobian(arrays.join([q_mid, v_mid]), *zero, k.p)  # its upper rows: of S v by q and by v
         S = [[by_x[i, n + j] for j in range(count)] for i in range(n)]
         q_rate = arrays.matrix(S) @ v_mid
-        G: list[list[Array]] = [[] for _ in range(n)]
+        G: Rows = [[] for _ in range(n)]
         if slips:
             G = entries(self._slip_map(q_mid, arrays.matrix(S), k, model))
             q_rate = q_rate + arrays.matrix(G) @ sigma
         moved = [q[i] + step * q_rate[i] for i in range(n)]
         moved += [v[j] + step * z.acceleration[j] for j in range(count)]
         moved += [z.state[i] for i in range(n + count, size)]
-        F: list[list[Array]] = [[1.0 if i == j else 0.0 for j in range(size)] for i in range(size)]
+        F: Rows = [[1.0 if i == j else 0.0 for j in range(size)] for i in range(size)]
         for i in range(n):
             for j in range(n):
                 F[i][j] = F[i][j] + step * by_x[i, j]
@@ -181,7 +178,7 @@ class KalmanObserver(Observer):
         for j in range(count):
             F[n + j][n + count + slips + j] = step
         matrix = arrays.matrix(F)
-        P = entries(matrix @ arrays.matrix(_unpacked(z.covariance, size)) @ matrix.T)
+        P = entries(matrix @ arrays.matrix(from_upper_half(z.covariance, size)) @ matrix.T)
         rate, finest = k.rate[0], k.deviation[self._finest]
         if self._finest not in self.measurement.coordinates.values():
             finest = finest / rate
@@ -199,12 +196,11 @@ class KalmanObserver(Observer):
         scaled = [r if m in coordinates else r / self.rate[0] for m, r in enumerate(self.deviation)]
         return int(np.argmin(scaled))
 
-    def _at_start(self, x: Array, z: SimpleNamespace, k: SimpleNamespace) -> tuple[list[Array], list[Array]]:
-        """[q^; v^; sigma^; delta^] and the diagonal of P before the first sample is taken in."""
+    def _at_start(self, x: Array, z: SimpleNamespace) -> list[Array]:
+        """[q^; v^; sigma^; delta^] before the first sample is taken in."""
         places = self.measurement.coordinates
         q = [x[places[i]] if i in places else z.state[i] for i in range(self.n)]
-        size = self.n + 2 * self.count + self.slips
-        return q + [0.0] * (size - self.n), [UNKNOWN * UNKNOWN] * size
+        return q + [0.0] * (2 * self.count + self.slips)
 
     def update(self, seen: Seen, acceleration: Array, drift: Array, arrays: Arrays) -> dict[str, Array]:
         return {
@@ -212,25 +208,3 @@ class KalmanObserver(Observer):
             "acceleration": solve(seen.E, acceleration - drift, arrays),
             "is_running": arrays.vector([1.0]),
         }
-
-
-def _corrected(
-    state: list[Array], P: list[list[Array]], row: dict[int, Array], innovation: Array, variance: Array
-) -> tuple[list[Array], list[list[Array]]]:
-    """What one measured number changes that was missed by `innovation`."""
-    size = range(len(state))
-    Ph = [sum(P[i][j] * weight for j, weight in row.items()) for i in size]
-    total = variance + sum(weight * Ph[i] for i, weight in row.items())
-    gain = [entry / total for entry in Ph]
-    corrected = [state[i] + gain[i] * innovation for i in size]
-    rows = [[P[min(i, j)][max(i, j)] - gain[min(i, j)] * Ph[max(i, j)] for j in size] for i in size]
-    return corrected, rows
-
-
-def _packed(P: list[list[Array]], arrays: Arrays) -> Array:
-    return arrays.vector([P[i][j] for i in range(len(P)) for j in range(i, len(P))])
-
-
-def _unpacked(packed: Array, size: int) -> list[list[Array]]:
-    starts = [i * size - i * (i - 1) // 2 - i for i in range(size)]
-    return [[packed[starts[min(i, j)] + max(i, j)] for j in range(size)] for i in range(size)]

@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.controllers.groups import Group, Rows, RowsOfGroups, inner
+from wmr_afl.controllers.groups import Group, RowsOfGroups, inner
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
+from wmr_afl.numerics.covariance import Rows, corrected, symmetric
 from wmr_afl.numerics.parts import Fault, Part
 from wmr_afl.numerics.vectors import told
 
@@ -115,7 +116,7 @@ class LeastSquares(Part):
             for row, f in zip(group.rows, rows, strict=True):
                 miss = effort[row] - inner(f, pi)
                 misfit = misfit + miss * miss / self.groups.rows
-                pi, P = _corrected(pi, P, f, effort[row], k.noise[0] * k.noise[0] / step)
+                pi, P = corrected(pi, P, dict(enumerate(f)), effort[row] - inner(f, pi), k.noise[0] * k.noise[0] / step)
             learned += pi
             covariance.append(P)
         following = {
@@ -156,23 +157,4 @@ def _faded(pi: list[Array], P: Rows, pi_0: list[Array], P0: list[Array], share: 
     away = [(pi[n] - pi_0[n]) / P0[n] for n in size]
     scaled = [[P[i][n] / P0[n] for n in size] for i in size]
     faded = [pi[n] - share * inner(P[n], away) for n in size]
-    return faded, _upper(len(pi), lambda i, j: P[i][j] + share * (P[i][j] - inner(scaled[i], P[j])))
-
-
-def _corrected(pi: list[Array], P: Rows, f: list[Array], seen: Array, noise: Array) -> tuple[list[Array], Rows]:
-    """What one equation f pi = seen, with a variance of `noise`, changes."""
-    size = range(len(pi))
-    Pf = [inner(P[n], f) for n in size]
-    weight = noise + inner(f, Pf)
-    miss = (seen - inner(f, pi)) / weight
-    corrected = [pi[n] + Pf[n] * miss for n in size]
-    return corrected, _upper(len(pi), lambda i, j: P[i][j] - Pf[i] * (Pf[j] / weight))
-
-
-def _upper(size: int, entry: Callable[[int, int], Array]) -> Rows:
-    """A symmetric block; each entry above the diagonal is computed once and stands below it, too."""
-    rows: Rows = [[None] * size for _ in range(size)]
-    for i in range(size):
-        for j in range(i, size):
-            rows[i][j] = rows[j][i] = entry(i, j)
-    return rows
+    return faded, symmetric(len(pi), lambda i, j: P[i][j] + share * (P[i][j] - inner(scaled[i], P[j])))

@@ -34,12 +34,9 @@ class ObserverTable(Table):
     deviation: Named | None = None  # of "kalman": noise of what is measured; its ratios matter
     slip: bool = True  # of "kalman", whether wheels may slip; only where all of q is measured
     slip_rate: Positive | None = None  # [1/s], how fast slip as it is read follows, and may change
-    carried: list[str] = Field(
-        default_factory=list
-    )  # of "kalman": entries that nothing tells; the motion carries them along
-    first: dict[str, Number] = Field(
-        default_factory=dict
-    )  # of "kalman": where coordinates that are not measured are at the start
+    # Of "kalman": coordinates that nothing tells, which the motion carries along, and where others are at the start.
+    carried: list[str] = Field(default_factory=list)
+    first: dict[str, Number] = Field(default_factory=dict)
 
 
 @dataclass(frozen=True)

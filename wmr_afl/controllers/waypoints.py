@@ -107,20 +107,16 @@ class Waypoints(Reference):
         return np.ascontiguousarray(np.hstack([*rows, *(self.over(times + lead) if lead else ())]))
 
     def _row(self, t: float) -> list[float]:
-        """yr, yr', yr'' at time t [s], one after the other."""
-        spline = self._derivatives[0]
-        knots, orders = self._knots, spline.c.shape[0]
-        inside = min(max(t, knots[0]), knots[-1])
-        piece = min(max(bisect_right(knots, inside) - 1, 0), len(knots) - 2)
-        s, moves = inside - knots[piece], float(knots[0] <= t <= knots[-1])
-        powers = [s**n for n in range(orders)][::-1]
-        rates = [moves * (orders - 1 - n) * s ** (orders - 2 - n) if n < orders - 1 else 0.0 for n in range(orders)]
-        bends = [
-            moves * (orders - 1 - n) * (orders - 2 - n) * s ** (orders - 3 - n) if n < orders - 2 else 0.0
-            for n in range(orders)
-        ]
-        found: list[float] = (np.array([powers, rates, bends]) @ spline.c[:, piece]).ravel().tolist()
-        return found
+        """yr, yr', yr'' at time t [s], one after the other, by Horner's rule."""
+        inside = min(max(t, self._knots[0]), self._knots[-1])
+        piece = min(bisect_right(self._knots, inside), len(self._knots) - 1) - 1
+        since, row = inside - self._knots[piece], list[float]()
+        for polynomial in self._derivatives:
+            value = np.zeros(len(self.columns))
+            for coefficients in polynomial.c[:, piece]:
+                value = value * since + coefficients
+            row += (value if inside == t or polynomial is self._derivatives[0] else 0.0 * value).tolist()
+        return row
 
     def seen(self, clock: Any, lead: float = 0.0) -> tuple[Any, Point, Point]:
         """Of a row of `clock` the time [s], the reference then, and the one `lead` [s] later."""
@@ -135,6 +131,7 @@ class Waypoints(Reference):
 
 
 def columns_of(values: Mapping[str, ArrayLike]) -> dict[str, Floats]:
+    """The values of each output by name, (P,) each."""
     return {name: real_numbers(f"values of {name}", one, "give numbers").reshape(-1) for name, one in values.items()}
 
 

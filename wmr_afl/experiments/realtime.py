@@ -170,7 +170,8 @@ class Controller(Fixed):
                     self._now[:] = kept
                     self._now[self._restarts] = 0.0
             if not is_sound:
-                raise SimulationError(f"at t = {t} s {self._unsound(time, measured)}", self._remedy())
+                why, remedy = self._unsound(time, measured)
+                raise SimulationError(f"at t = {t} s {why}", remedy)
             self._clock[0] = time
             return self._out[:-2].copy()
 
@@ -250,23 +251,24 @@ class Controller(Fixed):
             return 0.0
         return min(passed, LONGEST_STEP * self.sample_time)
 
-    def _unsound(self, time: float, measured: Floats) -> str:
-        """Why there are no voltages: the first cause that shows."""
+    def _unsound(self, time: float, measured: Floats) -> tuple[str, str]:
+        """Why there are no voltages, the first cause that shows, and what helps."""
         if not isfinite(time):
-            return "the time is not finite"
+            return "the time is not finite", UNSOUND
         if not np.isfinite(self._now_given).all():
-            return "the reference as given is not finite"
+            return "the reference as given is not finite", UNSOUND
         wrong = [name for name, value in zip(self.measured, measured, strict=True) if not isfinite(value)]
         if wrong:
-            return f"{', '.join(wrong)} as measured {'is' if len(wrong) == 1 else 'are'} not finite"
+            return f"{', '.join(wrong)} as measured {'is' if len(wrong) == 1 else 'are'} not finite", UNSOUND
         surprise = self._surprise()
         if surprise is not None:
-            return f"the observer is lost: what is measured differs by {surprise:.3g} m or rad from what it expected"
-        return (
-            "what is inverted is singular"
-            if not self._out[-1] > 0.0
-            else "the voltages, or the estimates after them, are not finite"
-        )
+            return (
+                f"the observer is lost: what is measured differs by {surprise:.3g} m or rad from what it expected",
+                f"measure again, wait for a gap of {self.max_gap:g} s, after which it begins again, or call reset()",
+            )
+        if not self._out[-1] > 0.0:
+            return "what is inverted is singular", UNSOUND
+        return "the voltages, or the estimates after them, are not finite", UNSOUND
 
     def _surprise(self) -> float | None:
         """By how much the last sample differs from what an observer expected, if that is what made it unsound."""
@@ -281,12 +283,6 @@ class Controller(Fixed):
             action = self.law.act(self._x.copy(), wanted, z, k, model, float(self._step_given[0]))
         surprise = float(action.memory["view"].surprise)
         return surprise if surprise >= float(k.observer.bound[0]) else None
-
-    def _remedy(self) -> str:
-        """What helps against the last sample."""
-        if self._surprise() is None:
-            return UNSOUND
-        return f"measure again, wait for a gap of {self.max_gap:g} s, after which it begins again, or call reset()"
 
     def _compiled_if_possible(self, step: ca.Function) -> tuple[Floats, Floats, Callable[[], None]]:
         """The states, room for the states before, and a call that advances them from t and x and leaves the inputs."""

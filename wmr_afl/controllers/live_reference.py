@@ -127,6 +127,11 @@ class ReferenceBuffer:
                 )
             self._points.append((float(t), np.array(rows)))
 
+    def age(self, t: float) -> float:
+        """The time since the last point [s], negative while there are points to come; infinite if none has come."""
+        with self._lock:
+            return t - self._points[-1][0] if self._points else inf
+
     def resume(self) -> None:
         """Forget all points and the stop: the next setpoint begins anew."""
         with self._lock:

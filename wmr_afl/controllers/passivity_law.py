@@ -126,6 +126,10 @@ class PassivityLaw(Law):
         own = (self.error, self.reference_model, self.effort, direct, least_squares, self.projection)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 
+    @property
+    def bounds(self) -> Projection:
+        return self.projection
+
     def act(
         self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> Action:
@@ -160,7 +164,8 @@ class PassivityLaw(Law):
         memory = {
             "theta_hat": pi_hat, "following": following, "distance": d, "regressor": regressor,
             "allocation": allocation, "is_free": arrays.where(beyond > 1.0, 0.0, 1.0),
-            "view": view, "asked": a / beyond, "removed": removed / beyond,
+            "view": view, "error": from_reference, "filtered_error": error.e_dot + rate * error.e,
+            "unlimited": u * beyond, "asked": a / beyond, "removed": removed / beyond,
         }  # fmt: skip
         return Action(u, regular, memory)
 

@@ -82,10 +82,14 @@ class Target:
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument of the function: C for its entry {i}, and what that depends on."""
+    """An argument of the function: C for its entry {i}, or for each of its entries, and what that depends on."""
 
-    text: str
+    text: str | Sequence[str]
     depends: Depends
+
+    def entry(self, i: int) -> str:
+        """C for its entry i."""
+        return self.text.format(i=i) if isinstance(self.text, str) else self.text[i]
 
 
 @dataclass
@@ -194,7 +198,7 @@ class _Printer:
         elif one.operation == ca.OP_INPUT:
             argument = self.arguments[one.place[0]]
             self.program.reads.add(one.place[0])
-            self.assign(number, argument.text.format(i=one.place[1]), argument.depends)
+            self.assign(number, argument.entry(one.place[1]), argument.depends)
             if number in self.carrying:
                 self.rests[number] = self.compensated[one.place[1]]
         elif one.operation == ca.OP_OUTPUT:

@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from wmr_afl.errors import CompilerError, ShapeError, WmrError
+from wmr_afl.errors import ShapeError, WmrError
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.simulation.kernels.block import Block, Watched, aligned
 from wmr_afl.simulation.kernels.c_printer import (

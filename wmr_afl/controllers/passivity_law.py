@@ -116,6 +116,7 @@ class PassivityLaw(Law):
         self.knowledge, self.direct, self.least_squares = knowledge, direct, least_squares
         self.adapts = direct is not None or least_squares is not None
         self.knows_deviation = least_squares is not None
+        self.limits_inputs = effort is not None and effort.limit is not None
         self.error, self.effort = ErrorDynamics(rate), effort or Effort(len(model.input_units))
         self.reference_model = ReferenceModel(len(model.output_units), reference_rate)
         self.projection = projection or Projection(len(knowledge.theta_hat))

@@ -71,6 +71,7 @@ class Source:
     is_single: bool = False
     is_tunable: bool = False
     takes_clock: bool = False
+    origin: str = "a controller"  # what the text says of where it comes from
 
     @property
     def target(self) -> Target:
@@ -138,12 +139,9 @@ class Source:
         literals = {"zero": literal(0.0), "one": literal(1.0), "largest": literal(LARGEST_DOUBLE)}
         lines = [*program.robot, *program.time, *program.both]
         states = [Entry(f"{c_name(name)}{of}", about) for name, of, about in self._states()]
+        measured = dict.fromkeys(self.sampled.measured, "") if law.measurement else model.state_units
         indices = [
-            (
-                "X",
-                "What is measured, x",
-                units(dict.fromkeys(self.sampled.measured, "")) if law.measurement else units(model.state_units),
-            ),
+            ("X", "What is measured, x", units(measured)),
             ("Y", "The outputs y", units(model.output_units)),
             ("U", "The voltages u of the motors", units(model.input_units)),
             ("Z", "The state", states),
@@ -155,10 +153,11 @@ class Source:
         ]
         return {
             "P": self.prefix, "U": self.prefix.upper(), "real": self.target.real, "f": self.target.suffix, **literals,
-            "title": model.title, "origin": "a controller written by wmr-afl", "calls": program.calls,
+            "title": model.title, "origin": self.origin, "calls": program.calls,
             "sample_time": literal(self.sampled.sample_time), "max_gap": literal(self.sampled.max_gap),
             "indices": indices, "setpoint": self.setpoint, "rests": len(self.compensated), "gains": self._gains(),
-            "told": told, "statuses": list(Status), "flags": self.sampled.flags, "first": [literal(float(v)) for v in self.sampled.start], "lines": lines,
+            "told": told, "statuses": list(Status), "flags": self.sampled.flags, "lines": lines,
+            "first": [literal(float(v)) for v in self.sampled.start],
             "next": results["next"], "volts": results["u"], "command": results["command"],
             "remainders": [program.rests[entry] for entry in self.compensated],
             "at_bound": results["at_bound"], "regularity": results["regularity"][0],

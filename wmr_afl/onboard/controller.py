@@ -92,9 +92,8 @@ class Controller(Fixed):
         self._runner = _runner(sampled)
         self._state = self._runner.state
         # To be written at every sample; a view of memory takes half the time of an array.
-        self._dt, self._x, self._clock = (
-            memoryview(array) for array in (self._runner.dt, self._runner.x, self._runner.clock)
-        )
+        views: list[Any] = [memoryview(array) for array in (self._runner.dt, self._runner.x, self._runner.clock)]  # type: ignore[arg-type]
+        self._dt, self._x, self._clock = views
         self._sample, self._u = self._runner.sample, self._runner.u
         self._lock = threading.Lock()
         self._last = [-inf, self.sample_time]  # time of the last sound update, and the step to it [s]
@@ -146,9 +145,9 @@ class Controller(Fixed):
             else:
                 step = self._step(time, passed)
             try:
-                self._x[:] = x if type(x) is np.ndarray else self._converted(x)  # type: ignore[assignment]
+                self._x[:] = x if type(x) is np.ndarray else self._converted(x)
             except ValueError:  # an array of other numbers, or of another shape
-                self._x[:] = self._converted(x)  # type: ignore[assignment]
+                self._x[:] = self._converted(x)
             self._dt[0], self._clock[0] = step, time
             if wanted is not None:
                 self._runner.clock[1:], self._seen[1] = wanted
@@ -220,6 +219,23 @@ class Controller(Fixed):
         with self._lock:
             z = by_part(self.sampled.states.unpack(self._state.copy()))
         return self.law.deviation(z, self.model.in_library("numpy").arrays)
+
+    @property
+    def last_step(self) -> float:
+        """The time between the last two sound samples as it was taken into account [s]."""
+        return float(self._last[1])
+
+    @property
+    def as_measured(self) -> Floats:
+        """What the last sample was given of what is measured, entries as `measured` names them."""
+        with self._lock:
+            return self._runner.x.copy()
+
+    @property
+    def states(self) -> Floats:
+        """All states of law and drive, one after the other; `state_dict` names them."""
+        with self._lock:
+            return self._state.copy()
 
     @property
     def estimate(self) -> Floats:

@@ -6,7 +6,6 @@ import ctypes
 import functools
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from wmr_afl.simulation.kernels.c_compiler import library
 from wmr_afl.simulation.kernels.interpreted import bind
 
 
-class Runner(Protocol):
+class Runner:
     """Memory that is written before a call and read after it, and the calls.
 
     Unless a call returns `Status.OK`, u is zero and the state keeps every bit.
@@ -32,22 +31,21 @@ class Runner(Protocol):
     clock: Floats  # time and reference
     u: Floats  # voltages
     told: dict[str, Floats]  # what a step tells, by name
-
     sample: Callable[[], int]
-    same_sample: Callable[[], int]
+    same_sample: Callable[[], int]  # the last sample again, from where it was computed; nothing else changes
 
     @property
     def saturated(self) -> list[int]:
         """The motors whose voltage is not what the law asked for."""
-        ...
+        raise NotImplementedError
 
     @property
     def at_bound(self) -> list[int]:
         """The estimates that lie on a bound."""
-        ...
+        raise NotImplementedError
 
 
-class Compiled:
+class Compiled(Runner):
     """The C that `wmr-afl export` writes, in double precision, built by the system's compiler.
 
     Raises:
@@ -66,7 +64,8 @@ class Compiled:
         self.told = dict(zip(told, parts[len(sizes) :], strict=True))
         self._masks = self._block[-1:].view(np.uint32)
         self.state[:] = self.before[:] = sampled.start
-        built = library(source.header() + source.code(has_header=False, is_called_by_python=True))
+        text = source.header() + source.code(has_header=False, is_called_by_python=True)
+        built = library(text, is_fused=False)  # the bits of what `wmr-afl export` writes
         memory = ctypes.c_void_p(self._block.ctypes.data)
         self.sample, self.same_sample = (functools.partial(built[name], memory) for name in ("sample", "same_sample"))
 
@@ -79,7 +78,7 @@ class Compiled:
         return _bits(int(self._masks[1]))
 
 
-class Interpreted:
+class Interpreted(Runner):
     """The same on CasADi's virtual machine."""
 
     def __init__(self, sampled: SampledLaw) -> None:
@@ -91,8 +90,9 @@ class Interpreted:
         self._from, self._sampled = sampled.start, sampled
         arguments = (self._from, self.clock, self.x, self.dt, np.zeros(0))
         self._run = bind(sampled.traced(), arguments, (self._after, *self._signals.values()))
+        self.sample, self.same_sample = self._once, self._again
 
-    def sample(self) -> int:
+    def _once(self) -> int:
         status = self._step(self.state)
         if status == Status.OK:
             self.before[:] = self.state
@@ -102,7 +102,7 @@ class Interpreted:
                 self.state[self._sampled.flags] = 0.0
         return status
 
-    def same_sample(self) -> int:
+    def _again(self) -> int:
         return self._step(self.before)
 
     def _step(self, state: Floats) -> Status:

@@ -67,6 +67,11 @@ class SampledLaw(Fixed):
         """Where the states of law and drive lie in a flat vector."""
         return Layout(self._states)
 
+    @property
+    def is_limited(self) -> bool:
+        """Whether something limits the voltages that are returned."""
+        return self.law.limits_inputs or any(part.limits_inputs for part in self.drive)
+
     @functools.cached_property
     def flags(self) -> list[int]:
         """Entries of the states that are zero for a part that begins again."""

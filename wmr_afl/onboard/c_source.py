@@ -190,7 +190,9 @@ class Source:
         return found
 
     def _gain_sizes(self) -> dict[str, int]:
-        return Layout(self.sampled.values).sizes if self.is_tunable else {}
+        if not self.is_tunable:
+            return {}
+        return {name: size for name, size in Layout(self.sampled.values).sizes.items() if size}
 
     def _gains(self) -> list[dict[str, Any]]:
         values, literal = self.sampled.values, self.target.literal

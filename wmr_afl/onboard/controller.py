@@ -65,6 +65,8 @@ class Controller(Fixed):
     `drive`: what the robot's drive does to a command, such as limits and a delay: what has no memory is done to the
     voltages that are returned, and all of it is taken into account by a law that looks at the applied input.
 
+    With `hears_applied` each call may tell what reached the motors after the last one.
+
     One controller may be called from several threads; each call is done before the next begins.
 
     Raises:
@@ -82,6 +84,7 @@ class Controller(Fixed):
         sample_time: float,
         drive: Sequence[Uncertainty] = (),
         max_gap: float | None = None,
+        hears_applied: bool = False,
     ) -> None:
         self.sampled = sampled = SampledLaw(model, law, reference, sample_time, drive, max_gap)
         self.model, self.law, self.reference = model, law, sampled.reference
@@ -95,14 +98,19 @@ class Controller(Fixed):
         views: list[Any] = [memoryview(array) for array in (self._runner.dt, self._runner.x, self._runner.clock)]  # type: ignore[arg-type]
         self._dt, self._x, self._clock = views
         self._sample, self._u = self._runner.sample, self._runner.u
-        self._lock, self._learns, self._told = threading.Lock(), [True], list[Runner]()
+        self._told = _runner(sampled, is_told=True) if hears_applied else None
+        self._lock, self._learns = threading.Lock(), [True]
         self._last = [-inf, self.sample_time]  # time of the last sound update, and the step to it [s]
         self._seen: list[Any] = [Status.OK, None]  # status of the last call, and the age of its reference
 
     @classmethod
     @checked
     def from_experiment(
-        cls, experiment: str | Path, controller: str | None = None, is_live: bool = False
+        cls,
+        experiment: str | Path,
+        controller: str | None = None,
+        is_live: bool = False,
+        hears_applied: bool = False,
     ) -> Controller:
         """The controller of an experiment, the first unless named, with its reference, sample time and drive.
 
@@ -118,7 +126,7 @@ class Controller(Fixed):
         reference = loop.reference
         if is_live:
             reference = LiveReference(list(loop.model.output_units), reference.counts_turns)
-        return cls(loop.model, loop.law, reference, loop.sample_time, drive)
+        return cls(loop.model, loop.law, reference, loop.sample_time, drive, hears_applied=hears_applied)
 
     def update(
         self,
@@ -188,15 +196,17 @@ class Controller(Fixed):
         Raises:
             ShapeError: if it does not fit.
         """
+        if self._told is None:
+            raise SimulationError(
+                "the controller does not hear of applied voltages", "build it with hears_applied=True"
+            )
         motors = list(self.model.input_units)
         volts = real_numbers("applied", applied, f"give {len(motors)} voltages", kinds=MEASURED)
         if volts.shape != (len(motors),) or not np.isfinite(volts).all():
             raise ShapeError(f"applied is {shown(applied)}", f"expected ({len(motors)},) finite: {', '.join(motors)}")
         if self._last[0] == -inf:  # nothing has been learned yet
             return
-        if not self._told:
-            self._told.append(_runner(self.sampled, is_told=True))
-        told, last, measured = self._told[0], self._runner.last, 1 + len(self.measured)
+        told, last, measured = self._told, self._runner.last, 1 + len(self.measured)
         told.state[:] = self._runner.before
         told.now[:] = np.concatenate([last[:measured], volts, last[measured:]])
         if told.sample() == Status.OK:
@@ -343,7 +353,8 @@ class Controller(Fixed):
     def __reduce__(self) -> tuple[Callable[..., Controller], tuple[Any, ...]]:
         """A copy is a controller of its own, in the same state."""
         drive = list(self.sampled.drive)
-        built = (self.model, self.law, self.reference, self.sample_time, drive, self.max_gap)
+        hears_applied = self._told is not None
+        built = (self.model, self.law, self.reference, self.sample_time, drive, self.max_gap, hears_applied)
         return _restored, (built, self.state_dict(), tuple(self._last))
 
     def _step(self, time: float, passed: float) -> float:

@@ -8,7 +8,7 @@ import pytest
 
 import wmr_afl
 from tests.conftest import EXPERIMENTS
-from wmr_afl import CompilerError, Controller, ShapeError, SimulationError, WmrError
+from wmr_afl import CompilerError, Controller, SimulationError, WmrError
 from wmr_afl.controllers.live_reference import LiveReference, ReferenceBuffer
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.numerics.arrays import NUMPY, Floats
@@ -44,7 +44,7 @@ def test_diagnostics_are_those_of_the_simulator(experiment: str, name: str) -> N
     for k in range(120):
         u = controller.update(run.time[k], run.state[k])
         told = controller.diagnostics
-        by_observer = 0.0 if told.observed is None else 1e-4  # e of y as the observer makes it out
+        by_observer = 0.0 if told.observed is None else 1e-2  # e of y as the observer makes it out
         np.testing.assert_allclose(told.error, run.error[k], rtol=1e-9, atol=1e-9 + by_observer)
         assert told.saturated == tuple(m for m, a, b in zip(motors, u, told.command, strict=True) if a != b)
         np.testing.assert_allclose(u[u == told.command], run.input[k][u == told.command], rtol=1e-9, atol=1e-9)
@@ -111,7 +111,7 @@ def test_applied_voltages_that_are_handed_back_teach_as_if_the_drive_had_been_kn
     loop = load_experiment(experiment).loops[name]
     clip = InputLimits(len(loop.model.input_units), 1.5)
     knows = Controller(loop.model, loop.law, loop.reference, loop.sample_time, [clip])
-    hears = Controller(loop.model, loop.law, loop.reference, loop.sample_time, [])
+    hears = Controller(loop.model, loop.law, loop.reference, loop.sample_time, hears_applied=True)
     by_drive = driven(knows)
     by_word = driven(hears, lambda u: np.clip(u, -1.5, 1.5))
     theta = knows.sampled.states.places["theta_hat"]
@@ -210,5 +210,5 @@ def test_a_limited_command_is_returned_as_the_simulator_applies_it(tmp_path: Pat
         u = controller.update(run.time[k], run.state[k])
         np.testing.assert_allclose(u, run.input[k], rtol=1e-9, atol=1e-9)
     assert np.abs(np.diff(run.input[:200], axis=0)).max() <= 60.0 * 0.02 + 1e-9
-    with pytest.raises(ShapeError):
-        controller.update(5.0, run.state[0], applied=[0.0])
+    with pytest.raises(SimulationError, match="build it with hears_applied=True"):
+        controller.update(5.0, run.state[0], applied=[0.0, 0.0])

@@ -41,7 +41,7 @@ KEYWORDS = frozenset(  # of C
 def export(
     experiment: str | Path,
     controller: str | None = None,
-    out: str | Path = "controller",
+    out: str | Path | None = None,
     is_single: bool = False,
     prefix: str = "controller",
     is_tunable: bool = False,
@@ -50,7 +50,7 @@ def export(
     layout: str = "cmake",
     samples: int = SAMPLES,
 ) -> dict[str, str]:
-    """Write the C99 of an experiment's controller, the first unless named, into the new folder `out`; return its files.
+    """The C99 of an experiment's controller, the first unless named, by file name; written to a new folder `out`.
 
     `is_single`: in single precision; `prefix`: of all names; `is_tunable`: gains and bounds are an argument of each
     step; `is_unlimited`: also if nothing limits the voltages; `has_reference`: with the experiment's own reference
@@ -68,8 +68,8 @@ def export(
         raise UnknownNameError("layout", layout, LAYOUTS)
     if samples < 1:
         raise ArgumentError(f"{samples} samples to replay", "choose one or more")
-    folder = Path(out)
-    if folder.exists():
+    folder = None if out is None else Path(out)
+    if folder is not None and folder.exists():
         raise WmrError(f"{folder} exists", "choose another folder, or remove this one")
     loaded = load_experiment(experiment)
     name = loaded.name(controller)
@@ -85,7 +85,8 @@ def export(
     replayed = vectors(loop, sampled, samples, is_single)
     files = _files(source, loop.reference if has_reference else None, replayed, layout)
     try:
-        write_folder(folder, files)
+        if folder is not None:
+            write_folder(folder, files)
     except OSError as error:
         raise WmrError(f"{folder} cannot be written ({error.strerror})", "choose another folder") from None
     return files

@@ -1,4 +1,4 @@
-"""A dead zone: errors that noise explains teach nothing (Peterson and Narendra, Bounded error adaptive control, 1982)."""
+"""A dead zone: errors that noise explains teach nothing (Peterson, Narendra, Bounded error adaptive control, 1982)."""
 
 from __future__ import annotations
 

@@ -97,6 +97,22 @@ def test_a_row_is_looked_up_as_it_is_evaluated(name: str, lead: float) -> None:
         np.testing.assert_allclose(rows, np.reshape(pieces.row(t), (3, 2)), rtol=1e-12, atol=1e-12)
 
 
+KINDS = [Pieces(ROWS["points, a path and a function"], stop=0.3), POINTS, PATH, SAMPLED]
+
+
+@pytest.mark.parametrize("reference", KINDS, ids=lambda one: type(one).__name__)
+def test_a_step_sees_the_reference_now_and_later_in_its_row(reference: Reference) -> None:
+    """As `at` gives it, in the order yr, yr', yr''; without a lead later is now."""
+    for t in (0.4, 4.9, 6.0):
+        for lead in (0.0, 0.3):
+            seen, now, later = reference.seen(reference.clock(np.array([t]), lead)[0], lead)
+            assert seen == t
+            for found, expected in ((now, reference.at(t)), (later, reference.at(t + lead))):
+                np.testing.assert_allclose(found.position, expected.position, rtol=1e-9, atol=1e-9)
+                np.testing.assert_allclose(found.velocity, expected.velocity, rtol=1e-9, atol=1e-9)
+                np.testing.assert_allclose(found.acceleration, expected.acceleration, rtol=1e-9, atol=1e-9)
+
+
 def test_behind_its_end_it_comes_to_rest_as_points_with_free_ends_do() -> None:
     """On the same straight line, by the same deceleration; before zero it rests where it begins."""
     t = np.linspace(0.0, 2.0, 9)
@@ -127,7 +143,7 @@ def test_a_piece_that_ends_by_itself_may_be_cut_short() -> None:
 
 def test_the_order_of_outputs_does_not_matter() -> None:
     turned = Reference({"y2": CIRCLE.expressions["y2"], "y1": CIRCLE.expressions["y1"]})
-    pieces, mixed = Pieces([(LINE, 10.0), (CIRCLE, 8.0)]), Pieces([(LINE, 10.0), (turned, 8.0)])
+    pieces, mixed = (Pieces([(LINE, 10.0), (one, 8.0)], stop=0.2) for one in (CIRCLE, turned))
     times = np.linspace(0.0, 30.0, 61)
     for name, other in (("mixed", mixed), ("a copy", pickle.loads(pickle.dumps(pieces)))):  # noqa: S301, our own
         for found, expected in zip(other.over(times), pieces.over(times), strict=True):
@@ -148,6 +164,7 @@ def test_turns_count_in_all_pieces_or_in_none() -> None:
     pieces = Pieces([(counting[0], 10.0), (counting[1], 8.0)])
     assert pieces.counts_turns
     assert pieces.at(12.0).counts_turns
+    assert all(point.counts_turns for point in pieces.seen(pieces.clock(np.array([1.0]), 0.1)[0], 0.1)[1:])
     assert pieces.ordered(["y2", "y1"]).counts_turns
     assert not Pieces([(LINE, 10.0)]).at(0.0).counts_turns
     with pytest.raises(WmrError, match="one of pieces 1 and 2 counts turns; let all of them, or none"):
@@ -195,6 +212,17 @@ def test_pieces_that_make_no_way_are_refused(pieces: object, words: str) -> None
         Pieces(pieces())  # type: ignore[operator]
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_numbers_of_the_message_fit() -> None:
+    """Where the next piece should begin, copied from the text, and at which velocity."""
+    before = Reference({"y1": "5e6 + sin(t)", "y2": "cos(t)/3"})
+    start, velocity = [0.0, 0.0], [0.0, 0.0]
+    for numbers in (start, velocity):
+        with pytest.raises(WmrError) as caught:
+            Pieces([(before, 1.7), (Reference(dict(zip(OUTPUTS, line(start, velocity), strict=True))), 1.0)])
+        numbers[:] = [float(one.split(" = ")[1]) for one in caught.value.remedy.split(", ")]
+    Pieces([(before, 1.7), (Reference(dict(zip(OUTPUTS, line(start, velocity), strict=True))), 1.0)])
 
 
 @pytest.mark.parametrize(

@@ -225,7 +225,7 @@ class Reference(Fixed):
 
     def row(self, t: float) -> list[float]:
         """yr, yr', yr'' at time t [s], one after the other."""
-        return [number for part in self._of_time(t) for number in part.tolist()]
+        return self._of_time.row(t)
 
     def over(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """yr, yr', yr'' at all `times` (T,) [s], (T, n-m) each."""

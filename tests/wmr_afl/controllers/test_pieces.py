@@ -397,7 +397,10 @@ def test_whether_a_robot_can_follow_pieces_is_told(tmp_path: Path) -> None:
 def test_a_circle_of_a_file_is_that_of_a_piece(tmp_path: Path) -> None:
     """Named trajectories are pieces, too."""
     table = "circle = { center = [1.0, 2.0], radius = 0.5, rate = 0.4 }"
-    file = of_pieces(tmp_path, reference=f"[reference]\npieces = [ {{ {table}, duration = 3.0 }} ]")
+    text = f"[reference]\npieces = [ {{ {table}, duration = 3.0 }} ]\ncounts_turns = "
+    for counts in (True, False):
+        file = of_pieces(tmp_path, reference=f"{text}{str(counts).lower()}")
+        assert next(iter(load_experiment(file).loops.values())).reference.counts_turns == counts
     reference = next(iter(load_experiment(file).loops.values())).reference
     expected = Reference(dict(zip(OUTPUTS, circle([1.0, 2.0], 0.5, 0.4), strict=True)))
     times = np.linspace(0.0, 2.99, 50)

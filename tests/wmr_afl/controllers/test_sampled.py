@@ -76,6 +76,11 @@ def test_it_is_as_exact_as_its_docstring_says() -> None:
         assert np.all(found[1:] > 0.25 * np.array(expected)), (found, expected)
 
 
+def test_a_velocity_that_is_given_tells_of_the_acceleration() -> None:
+    """Near both ends, too, where the spline of yr alone is forty times as far off."""
+    assert missed(5.0, 0.0, yr1=lambda t: 5.0 * np.cos(5.0 * t))[2] < 1e-6
+
+
 def test_a_finer_step_is_more_exact() -> None:
     """By 2^5 and 2^4 for yr' and yr'' between ends, as splines of degree 5 are."""
     ratios = missed(5.0, 1.0, step=0.04)[1:] / missed(5.0, 1.0, step=0.02)[1:]

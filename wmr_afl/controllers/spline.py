@@ -28,7 +28,7 @@ class Spline(Fixed):
         for number in range(3):
             part = polynomials.derivative(number).c
             together[order - len(part) :, :, number * self._size : (number + 1) * self._size] = part
-        self._together = PPoly(together, polynomials.x)
+        self._together, self._coefficients = PPoly(together, polynomials.x), together
         self._knots: list[float] = polynomials.x.tolist()
         self.first, self.last = self._knots[0], self._knots[-1]
 
@@ -40,7 +40,10 @@ class Spline(Fixed):
     def row(self, t: float) -> list[float]:
         """yr, yr', yr'' at time t [s] between first and last, one after the other."""
         piece = min(bisect_right(self._knots, t), len(self._knots) - 1) - 1
-        return horner(self._together.c[:, piece], t - self._knots[piece]).tolist()
+        since, (row, *others) = t - self._knots[piece], self._coefficients[:, piece].tolist()
+        for coefficients in others:  # Horner's rule, of a few numbers swifter than arrays
+            row = [value * since + coefficient for value, coefficient in zip(row, coefficients, strict=True)]
+        return row
 
     def of(self, columns: Sequence[int]) -> Spline:
         """The same of these outputs, in their order."""

@@ -6,6 +6,12 @@ result = wmr_afl.run("study_1")
 result["AFL"].rms(since=100.0)
 """
 
+from wmr_afl.controllers.live_reference import LiveReference, ReferenceBuffer
+from wmr_afl.controllers.path import along
+from wmr_afl.controllers.pieces import Pieces
+from wmr_afl.controllers.reference import Reference
+from wmr_afl.controllers.sampled import Sampled
+from wmr_afl.controllers.waypoints import Waypoints
 from wmr_afl.errors import (
     ArgumentError,
     BackendWarning,
@@ -42,14 +48,21 @@ __all__ = [
     "Diagnostics",
     "Failure",
     "InputError",
+    "LiveReference",
     "MissingTermError",
     "Model",
+    "Pieces",
+    "Reference",
+    "ReferenceBuffer",
     "Run",
+    "Sampled",
     "ShapeError",
     "SimulationError",
     "SimulationWarning",
     "UnknownNameError",
+    "Waypoints",
     "WmrError",
+    "along",
     "campaign",
     "compare",
     "derive",

@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 
 import wmr_afl
-from wmr_afl.controllers import LiveReference, ReferenceBuffer
 from wmr_afl.controllers.live_reference import BufferState
 
 PERIOD = 0.01  # [s] of the loop
@@ -59,7 +58,7 @@ class Robot:
         self.x = self.x + seconds / 6.0 * (a + 2.0 * b + 2.0 * c + d)
 
 
-def plan(buffer: ReferenceBuffer, now: Callable[[], float], until: float) -> None:
+def plan(buffer: wmr_afl.ReferenceBuffer, now: Callable[[], float], until: float) -> None:
     """A planner that pushes a circle at 10 Hz, each point two periods ahead, and then falls silent."""
     k = 0
     while now() < until:
@@ -80,9 +79,9 @@ def main() -> None:
     chosen = options.parse_args()
 
     loop = wmr_afl.Controller.from_experiment("study_1_laws", "composite", is_live=True)
-    live = LiveReference(["y1", "y2"])
+    live = wmr_afl.LiveReference(["y1", "y2"])
     controller = wmr_afl.Controller(loop.model, loop.law, live, PERIOD, hears_applied=True)
-    buffer, robot = ReferenceBuffer(["y1", "y2"], timeout=0.5, stop=2.0), Robot()
+    buffer, robot = wmr_afl.ReferenceBuffer(["y1", "y2"], timeout=0.5, stop=2.0), Robot()
     begin = time.perf_counter()
 
     def now() -> float:

@@ -25,12 +25,13 @@ from wmr_afl.errors import (
 )
 from wmr_afl.experiments.campaigns import CampaignResult, campaign, compare, replay
 from wmr_afl.experiments.experiment import list_experiments
-from wmr_afl.experiments.realtime import Controller
 from wmr_afl.experiments.run import run, run_batch
 from wmr_afl.model.derivation import derive
 from wmr_afl.model.files import list_models
 from wmr_afl.model.model import Model, load_model
 from wmr_afl.model.packages import generated as _generated
+from wmr_afl.onboard.controller import Controller, Diagnostics
+from wmr_afl.onboard.export import export
 from wmr_afl.simulation.batch import BatchResult
 from wmr_afl.simulation.result import Failure, Run
 from wmr_afl.simulation.simulate import SimulationWarning
@@ -44,6 +45,7 @@ __all__ = [
     "CampaignResult",
     "CompilerError",
     "Controller",
+    "Diagnostics",
     "Failure",
     "InputError",
     "LiveReference",
@@ -64,6 +66,7 @@ __all__ = [
     "campaign",
     "compare",
     "derive",
+    "export",
     "generated",
     "list_experiments",
     "list_models",

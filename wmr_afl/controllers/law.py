@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Point
 from wmr_afl.errors import MissingTermError, ShapeError
 from wmr_afl.model.measurement import Measurement
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
-from wmr_afl.numerics.parts import Fixed, Part, Parts
+from wmr_afl.numerics.parts import NOTHING, Fixed, Part, Parts
 
 
 class Knowledge(Fixed):
@@ -65,6 +66,8 @@ class Law(Fixed):
     parts: Parts[Part]
     adapts: bool  # whether its estimates move
     knows_deviation: bool = False  # of its estimates
+    learning: tuple[str, ...] = ()  # parts whose states serve nothing but the estimates
+    limits_inputs: bool = False  # whether its own commands are bounded
     observes: bool = False  # whether it goes by what an observer makes of the pose
     measurement: Measurement | None = None  # what `act` is given; None is x as it is measured
     slip_names: tuple[str, ...] = ()  # of what it measures of slip, in order
@@ -85,6 +88,36 @@ class Law(Fixed):
     ) -> Action:
         """The command at what is measured, x; `step` [s] is the time since the last sample."""
         raise NotImplementedError
+
+    def sample(
+        self,
+        x: Array,
+        reference: Point,
+        drive: Callable[[Array], Array],
+        z: SimpleNamespace,
+        k: SimpleNamespace,
+        model: Model,
+        step: Array,
+    ) -> tuple[Action, Array, dict[str, Array]]:
+        """One sample, as simulator, robot and exported code run it: action, what reaches the motors, next states.
+
+        `drive` tells what reaches the motors of a command.
+        """
+        action = self.act(x, reference, z, k, model, step)
+        applied = drive(action.input)
+        return action, applied, self.update(x, action, applied, z, k, model, step)
+
+    @property
+    def bounds(self) -> Projection | None:
+        """What keeps the estimates within bounds, if anything does."""
+        return None
+
+    def at_bound(self, theta_hat: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
+        """1 for each estimate that its bounds hold, else 0, (n_theta,)."""
+        bounds = self.bounds
+        if bounds is None:
+            return 0.0 * theta_hat
+        return bounds.reached(theta_hat, getattr(k, bounds.name, NOTHING), arrays)
 
     def deviation(self, z: SimpleNamespace, arrays: Arrays) -> Array:
         """The standard deviation of each estimate as the law knows it, (n_theta,)."""

@@ -130,6 +130,11 @@ class ReferenceBuffer:
                 )
             self._points.append((t, np.array(rows)))
 
+    def age(self, t: float) -> float:
+        """The time since the last point [s], negative while there are points to come; infinite if none has come."""
+        with self._lock:
+            return t - self._points[-1][0] if self._points else inf
+
     def resume(self) -> None:
         """Forget all points and the stop: the next setpoint begins anew."""
         with self._lock:
@@ -179,8 +184,11 @@ class ReferenceBuffer:
         self._state = BufferState.FRESH
         while len(self._points) > 2 and self._points[1][0] <= t:
             self._points.popleft()
-        (first, a), (second, b) = self._points[0], self._points[1]
-        return a if t < first else _between(a, b, second - first, t - first)
+        first, a = self._points[0]
+        if t <= first:
+            return a
+        second, b = self._points[1]
+        return _between(a, b, second - first, t - first)
 
 
 def _seconds(t: Any) -> float:

@@ -116,6 +116,8 @@ class PassivityLaw(Law):
         self.knowledge, self.direct, self.least_squares = knowledge, direct, least_squares
         self.adapts = direct is not None or least_squares is not None
         self.knows_deviation = least_squares is not None
+        self.limits_inputs = effort is not None and effort.limit is not None
+        self.learning = tuple(part.name for part in (direct, least_squares) if part is not None)
         self.error, self.effort = ErrorDynamics(rate), effort or Effort(len(model.input_units))
         self.reference_model = ReferenceModel(len(model.output_units), reference_rate)
         self.projection = projection or Projection(len(knowledge.theta_hat))
@@ -125,6 +127,10 @@ class PassivityLaw(Law):
         self.slip_names = self.sight.slip_names
         own = (self.error, self.reference_model, self.effort, direct, least_squares, self.projection)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
+
+    @property
+    def bounds(self) -> Projection:
+        return self.projection
 
     def act(
         self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
@@ -160,7 +166,8 @@ class PassivityLaw(Law):
         memory = {
             "theta_hat": pi_hat, "following": following, "distance": d, "regressor": regressor,
             "allocation": allocation, "is_free": arrays.where(beyond > 1.0, 0.0, 1.0),
-            "view": view, "asked": a / beyond, "removed": removed / beyond,
+            "view": view, "error": from_reference, "filtered_error": error.e_dot + rate * error.e,
+            "unlimited": u * beyond, "asked": a / beyond, "removed": removed / beyond,
         }  # fmt: skip
         return Action(u, regular, memory)
 

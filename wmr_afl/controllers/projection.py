@@ -92,6 +92,16 @@ class Projection(Part):
         raised = arrays.maximum(theta_hat, k.lower) if "lower" in self.values else theta_hat
         return arrays.minimum(raised, k.upper) if "upper" in self.values else raised
 
+    def reached(self, theta_hat: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
+        """1 for each estimate that lies on a bound, else 0, (n_theta,)."""
+        found: list[Array] = [0.0] * len(self.lower)
+        for i, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
+            if np.isfinite(low):
+                found[i] = arrays.where(theta_hat[i] <= k.lower[i], 1.0, found[i])
+            if np.isfinite(high):
+                found[i] = arrays.where(theta_hat[i] >= k.upper[i], 1.0, found[i])
+        return arrays.vector(found)
+
 
 def relative_bounds(estimate: Floats, share: float) -> tuple[Floats, Floats]:
     """theta_hat(0) -+ share |theta_hat(0)|, (..., n_theta) each."""

@@ -11,6 +11,7 @@ from wmr_afl.controllers.adaptation import GradientAdaptation
 from wmr_afl.controllers.law import Action, Knowledge, Law
 from wmr_afl.controllers.linearizing_law import LinearizingLaw
 from wmr_afl.controllers.outer_loop import OuterLoop
+from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Point
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
@@ -73,6 +74,7 @@ class TrackingLaw(Law):
         self.reference_model = reference_model
         is_late = adaptation is not None and adaptation.is_late
         self.last = LastRegressor(len(model.output_units), len(knowledge.units)) if is_late else None
+        self.learning = () if self.last is None else (self.last.name,)
         self.sight = sight or Sight()
         self.observes, self.lead = self.sight.observer is not None, self.sight.lead
         self.measurement = self.sight.measurement
@@ -80,12 +82,17 @@ class TrackingLaw(Law):
         own = (self.outer_loop, self.linearizing, *adapting, self.robust, self.reference_model, self.last)
         self.parts: Parts[Part] = Parts((*own, *self.sight.parts))
 
+    @property
+    def bounds(self) -> Projection | None:
+        return None if self.adaptation is None else self.adaptation.projection
+
     def act(
         self, x: Array, reference: Point, z: SimpleNamespace, k: SimpleNamespace, model: Model, step: Array
     ) -> Action:
         """The command at the measured state x, (25), (27), (74)."""
         view = self.sight.look(x, z, k, model, step)
-        x, error, memory = view.x, view.error(reference, k.c, model), dict[str, Any](view=view)
+        x, error = view.x, view.error(reference, k.c, model)
+        memory: dict[str, Any] = {"view": view, "error": error}
         if self.reference_model is not None:
             memory["distance"] = self.reference_model.distance(
                 error, z.reference_model, k.reference_model, model.arrays, step

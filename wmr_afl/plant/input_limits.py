@@ -34,7 +34,7 @@ class InputLimits(Uncertainty):
         WmrError: if a limit is not positive.
     """
 
-    name, is_of_drive = "input_limits", True
+    name, is_of_drive, limits_inputs = "input_limits", True, True
 
     def __init__(self, inputs: int, volts: ArrayLike) -> None:
         self.volts = per_entry("input limit", volts, inputs)

@@ -66,6 +66,7 @@ class Uncertainty(Part):
 
     samples: int = 0  # standard normal numbers that it takes at every sample time
     seed: int = 0  # of these
+    limits_inputs: ClassVar[bool] = False  # it bounds what leaves it, whatever comes in
     is_of_drive: ClassVar[bool] = False  # it changes commands as a drive does, which a real-time controller may know
 
     def measured(self, x: Array, sample: Array, k: SimpleNamespace, arrays: Arrays) -> Array:

@@ -112,8 +112,9 @@ class ClosedLoop:
         seen = self.plant.measured(z.x, sample, k, model.arrays)
         if self.law.measurement is not None:
             seen = self.law.measurement.of(seen, self.plant.parameters_at(t, k, model.arrays), model)
-        action = self.law.act(seen, ahead, z, k, model, self.sample_time)
-        applied = self.plant.applied(action.input, z, k, model.arrays)
+        action, applied, learned = self.law.sample(
+            seen, ahead, lambda u: self.plant.applied(u, z, k, model.arrays), z, k, model, self.sample_time
+        )
         signals = {
             "x": z.x,
             "u": applied,
@@ -138,11 +139,7 @@ class ClosedLoop:
         if "slip_true" in self.signals:
             rows, true = wheel_rows(model), self.plant.slip(t, z.x, k, model)
             signals["slip_true"] = model.arrays.vector([true[rows[name]] for name in self.law.slip_names])
-        following = {
-            **self.plant.update(t, action.input, z, k, model, self.sample_time),
-            **self.law.update(seen, action, applied, z, k, model, self.sample_time),
-        }
-        return following, signals
+        return {**self.plant.update(t, action.input, z, k, model, self.sample_time), **learned}, signals
 
 
 @functools.lru_cache(maxsize=32)

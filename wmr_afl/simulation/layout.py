@@ -46,8 +46,9 @@ class Layout:
 
     def unpack_symbols(self, flat: ca.SX) -> SimpleNamespace:
         """Flat column -> columns and matrices, by part and name."""
-        found = {}
-        for name, place in self.places.items():
-            shape = self.shapes[name]
-            found[name] = ca.reshape(flat[place], *shape[::-1]).T if len(shape) == 2 else flat[place]
-        return by_part(found)
+        return by_part({name: self.symbols(flat, name) for name in self.places})
+
+    def symbols(self, flat: ca.SX, name: str) -> ca.SX:
+        """Of a flat column the column or matrix of this name."""
+        shape, found = self.shapes[name], flat[self.places[name]]
+        return ca.reshape(found, *shape[::-1]).T if len(shape) == 2 else found

@@ -39,6 +39,7 @@ FLAGS = (
         else ("-mcpu=native",)
     ),
 )
+UNFUSED = ("-ffp-contract=off",)  # overrides the flag before
 ELSE = "run with backend casadi"  # the remedy that always works
 PATIENCE = 60.0  # [s] for the compiler; the largest loops of the benchmarks take 5 s
 UNUSED = 90 * 24 * 3600.0  # [s] after which a library is removed from the cache
@@ -80,13 +81,16 @@ def _words(command: str) -> list[str]:
         return []
 
 
-def library(text: str) -> ctypes.CDLL:
+def library(text: str, is_fused: bool = True) -> ctypes.CDLL:
     """The library of a C text, from the cache or newly built.
+
+    A product and a sum may be fused, unless the same bits are wanted of every processor.
 
     Raises:
         CompilerError: if there is no compiler, it fails, or the cache cannot be written.
     """
-    folder, key = _cache(), _key(text)
+    flags = (*FLAGS, *(() if is_fused else UNFUSED))
+    folder, key = _cache(), _key(text, flags)
     for path in sorted(folder.glob(f"{key}-*.so")):
         if path.is_file() and path.stem.partition("-")[2] == _digest(path.read_bytes()):
             with suppress(OSError):
@@ -95,7 +99,7 @@ def library(text: str) -> ctypes.CDLL:
         warnings.warn(f"{path} was damaged; it is built again", BackendWarning, stacklevel=2)
         if path.is_file() or path.is_symlink():
             path.unlink(missing_ok=True)
-    return _loaded(_build(text, folder, key))
+    return _loaded(_build(text, folder, key, flags))
 
 
 def _loaded(path: Path) -> ctypes.CDLL:
@@ -106,8 +110,8 @@ def _loaded(path: Path) -> ctypes.CDLL:
         raise CompilerError(f"{path}: what the compiler made cannot be loaded ({error})", ELSE) from None
 
 
-def _key(text: str) -> str:
-    return _digest("\0".join((text, *FLAGS, *_identity())).encode())
+def _key(text: str, flags: Sequence[str]) -> str:
+    return _digest("\0".join((text, *flags, *_identity())).encode())
 
 
 def _digest(content: bytes) -> str:
@@ -211,7 +215,7 @@ def _output(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(command, process.returncode, output, errors)
 
 
-def _build(text: str, folder: Path, key: str) -> Path:
+def _build(text: str, folder: Path, key: str, flags: Sequence[str]) -> Path:
     """Build beside the target and rename, so that several processes may build the same library.
 
     A library's name ends in the digest of its content, so that a damaged one is known before it is loaded.
@@ -223,7 +227,7 @@ def _build(text: str, folder: Path, key: str) -> Path:
         with tempfile.TemporaryDirectory(prefix=MARK, dir=folder) as place:
             source, built = Path(place) / "kernel.c", Path(place) / "kernel.so"
             source.write_text(text, encoding="utf-8")
-            done = _output([*command, *FLAGS, "-o", str(built), str(source), "-lm"])
+            done = _output([*command, *flags, "-o", str(built), str(source), "-lm"])
             if done.returncode or not built.exists():
                 first = (done.stderr.splitlines() or [f"exit status {done.returncode}, no message"])[0]
                 raise CompilerError(f"{command[0]} failed on the closed loop ({first})", ELSE)

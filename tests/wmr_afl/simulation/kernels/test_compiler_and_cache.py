@@ -64,7 +64,7 @@ def test_a_cache_that_others_can_write_is_not_used(cache: Path, mode: int) -> No
     """What lies there may be anybody's code, although its name and digest are right."""
     assert four() == 4.0
     (planted,) = cache.iterdir()
-    other = build._build("double f(void) { return 666.0; }", cache, "other")
+    other = build._build("double f(void) { return 666.0; }", cache, "other", build.FLAGS)
     other.rename(cache / f"{planted.stem.partition('-')[0]}-{other.stem.partition('-')[2]}.so")
     planted.unlink()
     cache.chmod(mode)

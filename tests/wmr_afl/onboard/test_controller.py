@@ -18,7 +18,7 @@ import pytest
 import wmr_afl
 from tests.conftest import EXPERIMENTS
 from wmr_afl import CompilerError, Controller, ShapeError, SimulationError, UnknownNameError, WmrError
-from wmr_afl.experiments import realtime
+from wmr_afl.onboard import controller as onboard
 
 
 @pytest.mark.parametrize(
@@ -38,7 +38,7 @@ def test_it_gives_the_simulators_inputs(
 ) -> None:
     run = wmr_afl.run(experiment, controllers=name)[name]
     if not has_compiler:
-        monkeypatch.setattr(realtime, "Kernel", failing)
+        monkeypatch.setattr(onboard, "Compiled", failing)
     controller = Controller.from_experiment(experiment, name)
     for k in range(350):  # 7 s of the studies
         u = controller.update(run.time[k], run.state[k])
@@ -150,7 +150,7 @@ def test_what_cannot_be_controlled_is_reported_and_changes_nothing(
     has_compiler: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not has_compiler:
-        monkeypatch.setattr(realtime, "Kernel", failing)
+        monkeypatch.setattr(onboard, "Compiled", failing)
     controller = Controller.from_experiment("study_1")
     before = controller.estimate
     with pytest.raises(SimulationError, match="x, y, phi, v, omega as measured are not finite"):

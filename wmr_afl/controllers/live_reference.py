@@ -131,7 +131,12 @@ class ReferenceBuffer:
             self._points.append((t, np.array(rows)))
 
     def age(self, t: float) -> float:
-        """The time since the last point [s], negative while there are points to come; infinite if none has come."""
+        """The time since the last point [s], negative while there are points to come; infinite if none has come.
+
+        Raises:
+            ShapeError: if t is not a number.
+        """
+        t = _seconds(t)
         with self._lock:
             return t - self._points[-1][0] if self._points else inf
 

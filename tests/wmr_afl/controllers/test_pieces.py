@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import wmr_afl
 from tests.wmr_afl.controllers.test_waypoints import differences, experiment
-from tests.wmr_afl.experiments.test_live_references import STEP, driven
+from tests.wmr_afl.onboard.test_live_references import STEP, driven
 from wmr_afl import ArgumentError, Controller, UnknownNameError, WmrError
 from wmr_afl.analysis.feasibility import demand
 from wmr_afl.cli import app

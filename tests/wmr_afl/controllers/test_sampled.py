@@ -12,7 +12,7 @@ import pytest
 import wmr_afl
 from tests.wmr_afl.controllers.test_pieces import LATE
 from tests.wmr_afl.controllers.test_waypoints import differences, experiment
-from tests.wmr_afl.experiments.test_live_references import STEP, driven
+from tests.wmr_afl.onboard.test_live_references import STEP, driven
 from wmr_afl import Controller, ShapeError, UnknownNameError, WmrError
 from wmr_afl.analysis.feasibility import demand
 from wmr_afl.controllers.live_reference import LiveReference

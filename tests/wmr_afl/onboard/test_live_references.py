@@ -190,7 +190,10 @@ def test_a_full_buffer_says_so_and_time_does_not_go_back() -> None:
 def test_a_time_is_a_number(t: object) -> None:
     buffer = ReferenceBuffer(["y1"])
     buffer.push(1.0, [2.0], [0.0])
-    for act in (lambda: buffer.at(t), lambda: buffer.push(t, [2.0], [0.0])):  # type: ignore[arg-type]
+    asked = [lambda: buffer.at(t), lambda: buffer.push(t, [2.0], [0.0])]  # type: ignore[arg-type]
+    if t is not np.nan:
+        asked.append(lambda: buffer.age(t))  # type: ignore[arg-type, return-value]
+    for act in asked:
         with pytest.raises(WmrError, match="give seconds"):
             act()
     assert buffer.at(np.float64(1.0))[0] == buffer.at(1)[0] == 2.0  # type: ignore[arg-type]

@@ -99,6 +99,7 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
     "Controller.from_experiment": (Controller.from_experiment, lambda w: {"experiment": w.experiment}),
     "Controller.load_state": (Controller.load_state, lambda w: {"self": w.controller}),
     "Controller.update": (Controller.update, lambda w: {"self": w.controller, "t": 0.02, "x": STATE}),
+    "export": (wmr_afl.export, lambda w: {"experiment": w.experiment, "is_unlimited": True, "samples": 2}),
     "Reference": (Reference, lambda w: {"expressions": {"y1": "t"}}),
     "Reference.ordered": (Reference.ordered, lambda w: {"self": w.controller.reference}),
     "Reference.at": (Reference.at, lambda w: {"self": w.controller.reference}),
@@ -124,6 +125,7 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
 NOT_CALLED = {
     "BatchResult",
     "CampaignResult",
+    "Diagnostics",
     "Run",
     "Failure",
     "list_models",

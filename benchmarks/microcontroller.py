@@ -95,8 +95,10 @@ def install() -> None:
         raise EmbeddedError(f"apt-get has not brought {' '.join(missing())}")
 
 
-def run(*command: str | Path, folder: Path | None = None, patience: float = PATIENCE) -> str:
-    """Run a command; return what it printed.
+def run(
+    *command: str | Path, folder: Path | None = None, patience: float = PATIENCE, with_errors: bool = False
+) -> str:
+    """Run a command; return what it printed, `with_errors` also what it printed as errors.
 
     Raises:
         EmbeddedError: if it fails or takes longer than `patience` [s].
@@ -112,7 +114,7 @@ def run(*command: str | Path, folder: Path | None = None, patience: float = PATI
         told = [line.strip() for line in f"{done.stderr}\n{done.stdout}".splitlines() if line.strip()]
         wrong = next((line for line in told if "error" in line or "undefined" in line), told[0] if told else "no output")
         raise EmbeddedError(f"{words[0]} ended with {done.returncode}: {wrong}")
-    return done.stdout
+    return done.stdout + (done.stderr if with_errors else "")
 
 
 def sources(folder: Path, prefix: str = "controller") -> list[Path]:

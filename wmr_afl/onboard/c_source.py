@@ -187,7 +187,8 @@ class Source:
         return found
 
     def _gain_sizes(self) -> dict[str, int]:
-        return Layout(self.sampled.values).sizes if self.is_tunable else {}
+        sizes = Layout(self.sampled.values).sizes if self.is_tunable else {}
+        return {name: size for name, size in sizes.items() if size}  # C has no empty arrays
 
     def _gains(self) -> list[dict[str, Any]]:
         values, literal = self.sampled.values, self.target.literal

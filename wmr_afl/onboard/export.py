@@ -183,7 +183,7 @@ def _reference(reference: Reference, source: Source) -> dict[str, Any]:
         ) from None
     parts = [ca.densify(ca.SX(part)) for part in (now.position, now.velocity, now.acceleration)]
     step = ca.Function("reference", [t], ca.cse(parts))
-    target = Target("double", lambda value: decimal(value, False), "", f"{source.prefix}_")
+    target = Target("double", lambda value: decimal(value, False), "", f"{source.prefix}_reference_")
     program = print_step(step, [Argument("t", Depends.BOTH)], True, target)
     fields = [(name, values) for (name, _, _), values in zip(source.setpoint, program.results, strict=True)]
     lines = [*program.robot, *program.time, *program.both]

@@ -303,7 +303,8 @@ class _Printer:
             self.program.calls.add(function)
             self.program.lines(depends).extend(
                 (
-                    f"{self.target.real} s{angle}, c{angle};",
+                    f"{self.target.real} s{angle};",
+                    f"{self.target.real} c{angle};",
                     f"{function}({self.text(angle, depends)}, &s{angle}, &c{angle});",
                 )
             )

@@ -1,6 +1,6 @@
 """`python -m benchmarks.embedded [--page docs/robot.md] [--hosts]`: exported controllers on a Cortex-M, in QEMU.
 
-Every controller is built without a warning, replays what Python did, and gives the same bits on each core as on the host.
+Every controller is built without a warning, replays what Python did, and gives the same bits on each core as here.
 `--hosts`: instead, every shipped controller on this machine, by each of its compilers.
 """
 

@@ -30,8 +30,8 @@ def is_there() -> bool:
 def broken(folder: Path, out: Path, prefix: str = "controller") -> Counter[str]:
     """How often each rule is broken by an export, its replay not counted.
 
-    cppcheck follows values from line to line, for hours if there are a thousand lines. It is given one line of each kind,
-    as the rules do not depend on which value is read.
+    cppcheck follows values from line to line, for hours if there are a thousand lines. It is given one line of each
+    kind, as the rules do not depend on which value is read.
 
     Raises:
         EmbeddedError: if cppcheck cannot be run.

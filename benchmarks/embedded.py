@@ -22,9 +22,11 @@ from benchmarks.microcontroller import (
     BOARD,
     M4F,
     M7,
+    SHIFT,
     Core,
     EmbeddedError,
     Replay,
+    cost_told,
     cross_objects,
     in_qemu,
     install,
@@ -40,6 +42,7 @@ from wmr_afl.experiments.load import load_experiment
 from wmr_afl.onboard.export import export
 
 EXAMPLE = BOARD.parent / "main.c"
+REFERENCE_COST = Path(__file__).with_name("reference_cost.c")
 REACHED = "STOPPED, and at rest"  # what the example prints at its end
 HEADINGS = (
     *("controller", "precision", "core", "code [B]", ".data, .bss [B]", "stack of a step [B]"),
@@ -117,19 +120,33 @@ def measured(case: Case, is_single: bool, core: Core, host: Replay, folder: Path
     return [case.name, precision(is_single), core.name, *map(str, numbers)]
 
 
-def example(folder: Path) -> str:
-    """What the example with an interrupt prints until the robot has stopped.
+def beside(out: Path) -> Iterator[list[str]]:
+    """Rows of what is called beside a step, for an export in single precision."""
+    for name, *flags in (("buffer asked once",), ("reference, in double", "-DOF_REFERENCE")):
+        for core in (M4F, M7):
+            objects = cross_objects(core, out / "export", out)
+            image = linked(core, REFERENCE_COST, objects, [out / "export"], out, f"-DSHIFT={SHIFT}", *flags)
+            cost = cost_told(in_qemu(core, image, folder=out))
+            yield [name, core.name, *map(str, (cost.stack, cost.least, cost.mean, cost.most))]
+
+
+def example(out: Path) -> str:
+    """What the example with an interrupt prints until the robot has stopped, for an export in single precision.
 
     Raises:
         EmbeddedError: if it does not stop.
     """
-    out = exported("track_type_2_0", "AFL", True, folder)
     objects = cross_objects(M4F, out / "export", out)
     image = linked(M4F, EXAMPLE, objects, [out / "export"], out)
-    printed = in_qemu(M4F, image, folder=out, patience=60.0).strip()
+    printed = in_qemu(M4F, image, folder=out, patience=60.0).rstrip()
     if not printed.endswith(REACHED):
         raise EmbeddedError(f"the example ended with {printed[-80:]!r}")
     return printed
+
+
+def of_the_example(folder: Path) -> Path:
+    """The folder of the controller that the example uses."""
+    return exported("track_type_2_0", "AFL", True, folder)
 
 
 def shipped(folder: Path) -> Iterator[list[str]]:
@@ -192,7 +209,10 @@ def embedded(pages: Pages, folder: Path) -> None:
         pages.put("misra", "Rules of MISRA C:2012 that exported C breaks", headings, deviations(broken), left=3)
     else:
         pages.console.print("cppcheck is not installed: MISRA rules were not looked at")
-    pages.console.print("examples/microcontroller, in QEMU:", example(folder), sep="\n", markup=False)
+    out = of_the_example(folder)
+    headings = ("beside the step", "core", "stack [B]", "instructions, least", "mean", "most")
+    pages.put("beside", "What is called beside the step, figure eight", headings, list(beside(out)), left=2)
+    pages.console.print("examples/microcontroller, in QEMU:", example(out), sep="\n", markup=False)
 
 
 def main() -> int:
@@ -204,8 +224,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         try:
             if given.hosts:
-                headings = ("experiment", "controller", "precision", "off from Python's", "bits")
-                pages.put("hosts", "Every shipped controller", headings, list(shipped(Path(folder))), left=3)
+                for row in shipped(Path(folder)):
+                    pages.console.print(*row, sep=", ", markup=False, soft_wrap=True)
             else:
                 embedded(pages, Path(folder))
         except (EmbeddedError, WmrError) as error:

@@ -173,11 +173,20 @@ def replayed_on_core(core: Core, folder: Path, out: Path, prefix: str = "control
     objects = cross_objects(core, folder, out, prefix)
     image = linked(core, folder / "main.c", objects, [folder], out, "-DMEASURE", f"-DSHIFT={SHIFT}")
     printed = in_qemu(core, image, "vectors.txt", folder=folder)
+    return _replay(printed), size(out / f"{prefix}.o"), cost_told(printed)
+
+
+def cost_told(printed: str) -> Cost:
+    """What `board/measure.h` has printed.
+
+    Raises:
+        EmbeddedError: if it has not measured what it says.
+    """
     pattern = r"least (\d+), mean (\d+), most (\d+); stack (\d+); 1000 are told to be (\d+)"
     *cost, thousand = map(int, _found(pattern, printed))
     if abs(thousand - 1000) > 10:
         raise EmbeddedError(f"QEMU's clock does not count instructions: 1000 are told to be {thousand}")
-    return _replay(printed), size(out / f"{prefix}.o"), Cost(*cost)
+    return Cost(*cost)
 
 
 def size(compiled: Path) -> Size:
@@ -194,5 +203,5 @@ def _replay(printed: str) -> Replay:
 def _found(pattern: str, printed: str) -> tuple[str, ...]:
     found = re.search(pattern, printed)
     if found is None:
-        raise EmbeddedError(f"the replay has printed {printed.strip()[:80]!r}")
+        raise EmbeddedError(f"the program has printed {printed.strip()[:80]!r}")
     return found.groups()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.embedded import REACHED, example
+from benchmarks.embedded import REACHED, example, of_the_example
 from benchmarks.microcontroller import M4F, Replay, missing, replayed_on_core, replayed_on_host
 from wmr_afl.onboard.export import export
 from wmr_afl.simulation.kernels.c_compiler import compiler
@@ -34,7 +34,7 @@ def test_a_step_gives_the_hosts_bits_holds_no_data_and_is_short(exported: Path) 
 
 
 def test_a_robot_whose_setpoints_end_comes_to_rest(tmp_path: Path) -> None:
-    printed = example(tmp_path)
+    printed = example(of_the_example(tmp_path))
     streams = [line.split()[2] for line in printed.splitlines()[:-1]]
     assert list(dict.fromkeys(streams)) == ["empty", "fresh", "holding", "stopping", "stopped"]
     assert printed.endswith(REACHED)

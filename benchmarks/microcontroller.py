@@ -184,7 +184,7 @@ def cost_told(printed: str) -> Cost:
     """
     pattern = r"least (\d+), mean (\d+), most (\d+); stack (\d+); 1000 are told to be (\d+)"
     *cost, thousand = map(int, _found(pattern, printed))
-    if abs(thousand - 1000) > 10:
+    if abs(thousand - 1000) > 30:  # calling and reading the timer counts, too
         raise EmbeddedError(f"QEMU's clock does not count instructions: 1000 are told to be {thousand}")
     return Cost(*cost)
 

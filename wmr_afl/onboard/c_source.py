@@ -22,6 +22,7 @@ from wmr_afl.simulation.layout import Layout
 
 SMALLEST_FLOAT, LARGEST_FLOAT = 1.17549435e-38, 3.40282347e38
 LARGEST_DOUBLE = 1.7976931348623157e308
+OWN = {ca.OP_EXP: "exp_of"}  # whose last bit differs from one C library to another
 TEMPLATES = Environment(  # C and text, not HTML
     loader=FileSystemLoader(Path(__file__).parent / "templates"),
     undefined=StrictUndefined,
@@ -77,7 +78,7 @@ class Source:
     def target(self) -> Target:
         """How its scalars are written."""
         real, f = ("float", "f") if self.is_single else ("double", "")
-        return Target(real, functools.partial(decimal, is_single=self.is_single), f, f"{self.prefix}_")
+        return Target(real, functools.partial(decimal, is_single=self.is_single), f, f"{self.prefix}_", OWN)
 
     @functools.cached_property
     def step(self) -> ca.Function:

@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 ROBOTS := $(sort $(wildcard derive/robots/*.toml))
 
 .DEFAULT_GOAL := help
-.PHONY: help run test fuzz mutants generate check-generated lint types bench notebooks clean
+.PHONY: help run test fuzz mutants generate check-generated lint types bench embedded notebooks clean
 
 help:  ## Show this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 18
@@ -39,6 +39,9 @@ types: $(VENV)/test.installed  ## Check types
 
 bench: $(VENV)/bench.installed  ## Measure speed, as ratios within one run, beside other tools
 	$(BIN)/python -m benchmarks
+
+embedded: $(VENV)/run.installed  ## Build exported controllers for a Cortex-M, run them in QEMU, count what a step costs
+	$(BIN)/python -m benchmarks.embedded
 
 notebooks: $(VENV)/test.installed  ## Execute the notebooks and store their output
 	$(BIN)/python -m nbconvert --to notebook --execute --inplace \

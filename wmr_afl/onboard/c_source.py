@@ -22,6 +22,7 @@ from wmr_afl.simulation.layout import Layout
 
 SMALLEST_FLOAT, LARGEST_FLOAT = 1.17549435e-38, 3.40282347e38
 LARGEST_DOUBLE = 1.7976931348623157e308
+OWN = {ca.OP_EXP: "exp_of"}  # whose last bit differs from one C library to another
 TEMPLATES = Environment(  # C and text, not HTML
     loader=FileSystemLoader(Path(__file__).parent / "templates"),
     undefined=StrictUndefined,
@@ -63,8 +64,7 @@ class Source:
     """The C of a sampled law.
 
     `prefix`: of all names; `is_single`: float instead of double; `is_tunable`: gains and bounds are an argument of each
-    step instead of being built in; `takes_clock`: a step is given a row of `Reference.clock` instead of a setpoint;
-    `is_told`: and behind x what reached the motors.
+    step instead of being built in; `takes_clock`: a step is given a row of `Reference.clock` instead of a setpoint.
     """
 
     sampled: SampledLaw
@@ -72,19 +72,18 @@ class Source:
     is_single: bool = False
     is_tunable: bool = False
     takes_clock: bool = False
-    is_told: bool = False
     origin: str = "a controller"  # what the text says of where it comes from
 
     @property
     def target(self) -> Target:
         """How its scalars are written."""
         real, f = ("float", "f") if self.is_single else ("double", "")
-        return Target(real, functools.partial(decimal, is_single=self.is_single), f, f"{self.prefix}_")
+        return Target(real, functools.partial(decimal, is_single=self.is_single), f, f"{self.prefix}_", OWN)
 
     @functools.cached_property
     def step(self) -> ca.Function:
         """The step that is printed."""
-        return self.sampled.traced(self.is_tunable, self.is_told)
+        return self.sampled.traced(self.is_tunable)
 
     @functools.cached_property
     def compensated(self) -> dict[int, str]:
@@ -142,9 +141,8 @@ class Source:
         lines = [*program.robot, *program.time, *program.both]
         states = [Entry(f"{c_name(name)}{of}", about) for name, of, about in self._states()]
         measured = dict.fromkeys(self.sampled.measured, "") if law.measurement else model.state_units
-        applied = {f"applied_{name}": unit for name, unit in model.input_units.items()} if self.is_told else {}
         indices = [
-            ("X", "What is measured, x", units({**measured, **applied})),
+            ("X", "What is measured, x", units(measured)),
             ("Y", "The outputs y", units(model.output_units)),
             ("U", "The voltages u of the motors", units(model.input_units)),
             ("Z", "The state", states),
@@ -190,9 +188,8 @@ class Source:
         return found
 
     def _gain_sizes(self) -> dict[str, int]:
-        if not self.is_tunable:
-            return {}
-        return {name: size for name, size in Layout(self.sampled.values).sizes.items() if size}
+        sizes = Layout(self.sampled.values).sizes if self.is_tunable else {}
+        return {name: size for name, size in sizes.items() if size}  # C has no empty arrays
 
     def _gains(self) -> list[dict[str, Any]]:
         values, literal = self.sampled.values, self.target.literal

@@ -17,7 +17,7 @@ from wmr_afl.errors import ArgumentError, UnknownNameError, WmrError
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
-from wmr_afl.onboard.c_source import TEMPLATES, Source, decimal
+from wmr_afl.onboard.c_source import OWN, TEMPLATES, Source, decimal
 from wmr_afl.onboard.controller import Controller
 from wmr_afl.onboard.sampled_law import SampledLaw
 from wmr_afl.simulation.closed_loop import ClosedLoop
@@ -202,7 +202,7 @@ def _reference(reference: Reference, source: Source) -> dict[str, Any]:
         ) from None
     parts = [ca.densify(ca.SX(part)) for part in (now.position, now.velocity, now.acceleration)]
     step = ca.Function("reference", [t], ca.cse(parts))
-    target = Target("double", lambda value: decimal(value, False), "", f"{source.prefix}_")
+    target = Target("double", lambda value: decimal(value, False), "", f"{source.prefix}_reference_", OWN)
     program = print_step(step, [Argument("t", Depends.BOTH)], True, target)
     fields = [(name, values) for (name, _, _), values in zip(source.setpoint, program.results, strict=True)]
     lines = [*program.robot, *program.time, *program.both]
@@ -213,7 +213,10 @@ def _of_the_library(calls: Iterable[str]) -> set[str]:
     """Functions of the C library that these functions are or use."""
     known = {name for function in FUNCTIONS.values() for name in (function, f"{function}f")}
     found = {call for call in calls if call in known}
-    return found | ({"fabs", "floor"} if any(call.endswith("sincos_of") for call in calls) else set())
+    for own, used in (("sincos_of", {"fabs", "floor"}), ("exp_of", {"floor", "ldexp"})):
+        if any(call.endswith(own) for call in calls):
+            found |= used
+    return found
 
 
 def _limits(sampled: SampledLaw) -> str:

@@ -78,6 +78,7 @@ class Target:
     literal: Callable[[float], str] = hexadecimal
     suffix: str = ""  # of the C library's functions for this type
     prefix: str = ""  # of our functions that stand beside the program: sincos_of, larger, smaller, sign
+    own: Mapping[int, str] = field(default_factory=dict)  # more of them, instead of the C library's, by operation
 
 
 @dataclass(frozen=True)
@@ -235,6 +236,8 @@ class _Printer:
             self.call(number, self.target.prefix + function, (a, b), depends)
         elif one.operation in SIGN:
             self.call(number, self.target.prefix + SIGN[one.operation], one.operands, depends)
+        elif one.operation in self.target.own:
+            self.call(number, self.target.prefix + self.target.own[one.operation], one.operands, depends)
         elif one.operation in FUNCTIONS:
             self.call(number, FUNCTIONS[one.operation] + self.target.suffix, one.operands, depends)
         elif one.operation in TEMPLATES:
@@ -303,7 +306,8 @@ class _Printer:
             self.program.calls.add(function)
             self.program.lines(depends).extend(
                 (
-                    f"{self.target.real} s{angle}, c{angle};",
+                    f"{self.target.real} s{angle};",
+                    f"{self.target.real} c{angle};",
                     f"{function}({self.text(angle, depends)}, &s{angle}, &c{angle});",
                 )
             )

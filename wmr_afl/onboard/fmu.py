@@ -90,7 +90,8 @@ class Unit:
             places[name], end = end, end + len(group)
         open_ones = [one for one in variables[:end] if one.causality in ("input", "parameter")]
         tunable = [one for one in open_ones if one.variability != "fixed"]
-        context = self.context | {
+        context: dict[str, Any] = {
+            **self.context,
             "version": version, "name": self.name, "title": self.title, "about": self.about,
             "token": f"{{{token}}}", "layout": f"{token.int >> 96:08x}",
             "headers": [name for name in self.sources if name.endswith(".h")],

@@ -32,6 +32,11 @@ def check_version(version: int | None) -> None:
         raise UnknownNameError("version of FMI", str(version), map(str, VERSIONS))
 
 
+def plant_name(prefix: str) -> str:
+    """What the robot is called beside a controller with this prefix."""
+    return "plant" if prefix == "controller" else f"{prefix}_plant"
+
+
 def fmus(source: Source, loop: ClosedLoop, version: int, duration: float, files: Mapping[str, str]) -> dict[str, bytes]:
     """The FMUs of a controller and of its robot, by the names of their files; `files` are those of the export.
 
@@ -103,7 +108,7 @@ def plant_unit(source: Source, loop: ClosedLoop, duration: float) -> Unit:
     measurement = _printed(plant.traced_measurement(), "x[{i}]", "n[{i}]", "t", "k[{i}]")
     literal = PRECISE.literal
     return Unit(
-        name="plant" if source.prefix == "controller" else f"{source.prefix}_plant",
+        name=plant_name(source.prefix),
         title=loop.model.title,
         about=f"the robot of {source.origin}",
         template="fmu_plant.c.jinja",

@@ -19,7 +19,7 @@ from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.onboard.c_source import TEMPLATES, Source, decimal
 from wmr_afl.onboard.controller import Controller
-from wmr_afl.onboard.cosimulation import check_version, fmus
+from wmr_afl.onboard.cosimulation import check_version, fmus, plant_name
 from wmr_afl.onboard.sampled_law import SampledLaw
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.kernels.c_printer import FUNCTIONS, Argument, Depends, Target, print_step
@@ -86,7 +86,7 @@ def export(
     origin = f'controller "{name}" of experiment {Path(experiment).stem}, written by wmr-afl'
     source = Source(sampled, prefix, is_single, is_tunable, origin=origin)
     replayed = vectors(loop, sampled, samples, is_single)
-    texts = _files(source, loop.reference if has_reference else None, replayed, layout)
+    texts = _files(source, loop.reference if has_reference else None, replayed, layout, fmu)
     files: dict[str, str | bytes] = {**texts}
     if fmu is not None:
         files |= fmus(source, loop, fmu, loaded.experiment.simulation.duration, texts)
@@ -135,7 +135,9 @@ def _driven(loop: ClosedLoop, sampled: SampledLaw, times: Floats, inputs: Floats
     return np.array(rows)
 
 
-def _files(source: Source, reference: Reference | None, replayed: tuple[Floats, float], layout: str) -> dict[str, str]:
+def _files(
+    source: Source, reference: Reference | None, replayed: tuple[Floats, float], layout: str, fmu: int | None
+) -> dict[str, str]:
     """The files by name."""
     rows, tolerance = replayed
     P, context = source.prefix, source.context
@@ -150,6 +152,7 @@ def _files(source: Source, reference: Reference | None, replayed: tuple[Floats, 
         "sources": sources, "tolerance": f"{tolerance:.2g}", "half": literal(0.5),
         "micro": literal(1e-6), "real_of": lambda value: literal(float(value)), "limits": _limits(source.sampled),
         "seconds": source.sampled.sample_time, "longest": source.sampled.max_gap,
+        "fmu": fmu, "plant": plant_name(P),
         "functions": sorted(f"`{one}`" for one in _of_the_library(calls)),
     }  # fmt: skip
 

@@ -177,8 +177,11 @@ class ReferenceBuffer:
         self._state = BufferState.FRESH
         while len(self._points) > 2 and self._points[1][0] <= t:
             self._points.popleft()
-        (first, a), (second, b) = self._points[0], self._points[1]
-        return a if t < first else _between(a, b, second - first, t - first)
+        first, a = self._points[0]
+        if t <= first:
+            return a
+        second, b = self._points[1]
+        return _between(a, b, second - first, t - first)
 
 
 def _moved(row: Floats, passed: float) -> Floats:

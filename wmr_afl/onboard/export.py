@@ -172,8 +172,26 @@ def _files(
     if reference is not None:
         files |= {f"{P}_reference.{kind}": text(f"reference.{kind}.jinja") for kind in ("h", "c")}
     if layout == "platformio":
-        files["library.json"] = json.dumps(json.loads(text("library.json.jinja")), indent=2) + "\n"
+        files["library.json"] = json.dumps(_library(context), indent=2) + "\n"
     return files
+
+
+def _library(context: dict[str, Any]) -> dict[str, Any]:
+    """What PlatformIO and Arduino want to know of a library."""
+    return {
+        "name": context["P"],
+        "version": "1.0.0",
+        "description": f"{context['title']}: {context['origin']}",
+        "license": "MIT",
+        "frameworks": "*",
+        "platforms": "*",
+        "headers": f"{context['P']}.h",
+        "build": {
+            "flags": ["-ffp-contract=off", "-fno-math-errno"],
+            "srcFilter": ["+<*.c>", "-<main.c>"],
+            "srcDir": ".",
+        },
+    }
 
 
 def _reference(reference: Reference, source: Source) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Controller and robot of an experiment as units for co-simulation, each with what others may set and see of it."""
+"""Controller and robot of an experiment as FMUs for co-simulation, each with what others may set and see of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from wmr_afl.errors import BackendWarning, CompilerError, UnknownNameError
 from wmr_afl.onboard.c_source import TOLD, Source, decimal
-from wmr_afl.onboard.fmu import Unit, Variable, binary, packed
+from wmr_afl.onboard.fmu import Fmu, Variable, binary, packed
 from wmr_afl.onboard.sampled_plant import SampledPlant, joined, numbered
 from wmr_afl.onboard.status import Status
 from wmr_afl.simulation.closed_loop import ClosedLoop
@@ -42,7 +42,7 @@ def fmus(source: Source, loop: ClosedLoop, version: int, duration: float, files:
 
     Without a compiler they hold sources only, which a warning tells.
     """
-    both = [controller_unit(source, duration, files), plant_unit(source, loop, duration)]
+    both = [controller_fmu(source, duration, files), plant_fmu(source, loop, duration)]
     texts = [one.files(version) for one in both]
     binaries: list[dict[str, bytes]] = [{}, {}]
     try:
@@ -55,7 +55,7 @@ def fmus(source: Source, loop: ClosedLoop, version: int, duration: float, files:
     }
 
 
-def controller_unit(source: Source, duration: float, files: Mapping[str, str]) -> Unit:
+def controller_fmu(source: Source, duration: float, files: Mapping[str, str]) -> Fmu:
     """What is measured and a setpoint in; voltages, status and what else a step tells out."""
     sampled, P, context = source.sampled, source.prefix, source.context
     reference = {name: text for name, text in files.items() if name.startswith(f"{P}_reference.")}
@@ -70,7 +70,7 @@ def controller_unit(source: Source, duration: float, files: Mapping[str, str]) -
     }
     place = sampled.states.places["theta_hat"]
     places = [(gain["name"], i) for gain in context["gains"] for i in range(len(gain["entries"]))]
-    return Unit(
+    return Fmu(
         name=P,
         title=f"{sampled.model.title}: controller",
         about=source.origin,
@@ -90,7 +90,7 @@ def controller_unit(source: Source, duration: float, files: Mapping[str, str]) -
     )
 
 
-def plant_unit(source: Source, loop: ClosedLoop, duration: float) -> Unit:
+def plant_fmu(source: Source, loop: ClosedLoop, duration: float) -> Fmu:
     """Voltages in; the state and what is measured of it out. Parameters and uncertainties may be set."""
     plant, states = SampledPlant(loop), loop.model.state_units
     start = _variables("start", states, "where the robot begins", "parameter", "fixed")
@@ -107,7 +107,7 @@ def plant_unit(source: Source, loop: ClosedLoop, duration: float) -> Unit:
     step = _printed(plant.traced(), "z[{i}]", "u[{i}]", "t", "h", "k[{i}]")
     measurement = _printed(plant.traced_measurement(), "x[{i}]", "n[{i}]", "t", "k[{i}]")
     literal = PRECISE.literal
-    return Unit(
+    return Fmu(
         name=plant_name(source.prefix),
         title=loop.model.title,
         about=f"the robot of {source.origin}",

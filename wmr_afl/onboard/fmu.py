@@ -1,4 +1,4 @@
-"""Units for co-simulation (FMI 2.0 and 3.0), FMUs: ZIP files of a description, C99 and a binary for this system."""
+"""FMUs, units for co-simulation by FMI 2.0 and 3.0: ZIP files of a description, C99 and a binary for this system."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DAY_ONE = (1980, 1, 1, 0, 0, 0)  # the first time that a ZIP file knows: the sam
 
 @dataclass(frozen=True)
 class Variable:
-    """A value of a unit that other units see."""
+    """A value that others see."""
 
     name: str
     about: str
@@ -52,8 +52,8 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Unit:
-    """A unit before it is packed.
+class Fmu:
+    """An FMU before it is packed.
 
     `groups`: its numbers, group by group, in the order in which FMI refers to them: those that may be set at any time,
     those that may be set before the simulation begins, and those that are computed. `wholes` and `truths` follow.
@@ -79,7 +79,7 @@ class Unit:
         return [time, *(one for group in self.groups.values() for one in group), *self.wholes, *self.truths]
 
     def files(self, version: int) -> dict[str, str]:
-        """The text files; the token that names the unit is made of the content of all."""
+        """The text files; the token that names the FMU is made of the content of all."""
         nameless = self._files(version, UUID(int=0))
         content = "\0".join(part for pair in nameless.items() for part in pair)
         return self._files(version, UUID(bytes=sha256(content.encode()).digest()[:16]))

@@ -101,7 +101,7 @@ class SampledPlant(Fixed):
 def numbered(value: Floats, entries: Mapping[str, str] | None = None) -> Iterator[tuple[str, str, float]]:
     """Of each entry of an array its name, or else its indices from 1 on, its unit and its value."""
     if entries is None:
-        shape = np.shape(value) if np.size(value) > 1 else ()
+        shape = np.shape(value) if np.size(value) != 1 else ()
         places = (",".join(map(str, place)) for place in product(*(range(1, size + 1) for size in shape)))
         entries = {f"[{place}]" if place else "": "" for place in places}
     for (entry, unit), number in zip(entries.items(), np.ravel(value), strict=True):

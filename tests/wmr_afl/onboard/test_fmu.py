@@ -1,4 +1,4 @@
-"""Controller and robot as units for co-simulation are what the simulator runs, in another simulator's hands."""
+"""Controller and robot as FMUs are what the simulator runs, in another simulator's hands."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from tests.conftest import EXPERIMENTS
 from wmr_afl import BackendWarning, CompilerError, UnknownNameError
+from wmr_afl.cli import app
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.onboard import cosimulation
 from wmr_afl.onboard.export import export
@@ -31,7 +33,7 @@ fmpy = pytest.importorskip("fmpy")
 build, validation = (pytest.importorskip(f"fmpy.{name}") for name in ("build", "validation"))
 HEADERS = Path(fmpy.__file__).parent / "c-code"  # those of the standard, of both versions
 SAMPLE_TIME = 0.02
-OF_MODEL_EXCHANGE = frozenset(  # functions that a unit for co-simulation by FMI 2.0 does not have
+OF_MODEL_EXCHANGE = frozenset(  # functions that co-simulation by FMI 2.0 does not need
     """EnterEventMode NewDiscreteStates EnterContinuousTimeMode CompletedIntegratorStep SetTime SetContinuousStates
     GetDerivatives GetEventIndicators GetContinuousStates GetNominalsOfContinuousStates
     """.split()  # noqa: SIM905, a table of words reads better than a list of strings
@@ -50,13 +52,13 @@ pytestmark = pytest.mark.skipif(c_compiler.compiler() is None, reason="there is 
 
 
 @dataclass
-class Unit:
-    """A unit in the hands of a simulator: values by name."""
+class Slave:
+    """An FMU in the hands of a simulator: values by name."""
 
     path: Path
     folder: Path
     values: dict[str, float | bool] = field(default_factory=dict)  # set before it begins
-    messages: list[str] = field(default_factory=list)  # FMPy gives those of FMI 2.0 to the unit made last
+    messages: list[str] = field(default_factory=list)  # FMPy gives those of FMI 2.0 to the one made last
 
     def __post_init__(self) -> None:
         if not self.folder.exists():
@@ -130,11 +132,11 @@ class Exports:
             export(experiment, controller, folder, is_unlimited=True, samples=1, fmu=version, **options)
         return folder
 
-    def pair(self, experiment: str, controller: str, version: int, **options: Any) -> tuple[Unit, Unit]:
+    def pair(self, experiment: str, controller: str, version: int, **options: Any) -> tuple[Slave, Slave]:
         folder = self.make(experiment, controller, version, **options)
         return (
-            Unit(folder / "controller.fmu", folder / "controller_unit"),
-            Unit(folder / "plant.fmu", folder / "plant_unit"),
+            Slave(folder / "controller.fmu", folder / "controller_fmu"),
+            Slave(folder / "plant.fmu", folder / "plant_fmu"),
         )
 
 
@@ -143,12 +145,12 @@ def exports(tmp_path_factory: pytest.TempPathFactory) -> Exports:
     return Exports(tmp_path_factory.mktemp("fmu"))
 
 
-def wired(source: Unit, group: str, target: Unit) -> None:
-    """One unit's outputs to another one's inputs, which have the same names."""
+def wired(source: Slave, group: str, target: Slave) -> None:
+    """Outputs of one to the inputs of another, which have the same names."""
     target.put(dict(zip(source.names(group), source.get(group), strict=True)))
 
 
-def driven(controller: Unit, plant: Unit, count: int, row: Any = None) -> dict[str, np.ndarray]:
+def driven(controller: Slave, plant: Slave, count: int, row: Any = None) -> dict[str, np.ndarray]:
     """A sequential master: the controller first, then the robot. `row(k)` are normal numbers for sample k."""
     found: dict[str, list[np.ndarray]] = {"state": [], "voltage": [], "estimate": []}
     for k in range(count):
@@ -202,9 +204,9 @@ def test_under_disturbances_they_do_what_a_run_does(exports: Exports, tmp_path: 
     folder = exports.make(str(file), "AFL", 2)
     run = run_of(str(file), "AFL", count)
     rows = normal_samples(np.random.Generator(np.random.Philox(3)), count + 1, 5)
-    law = Unit(folder / "controller.fmu", folder / "controller_unit")
+    law = Slave(folder / "controller.fmu", folder / "controller_fmu")
     names = [f"noise.{name}" for name in ("x", "y", "phi", "v", "omega")]
-    plant = Unit(folder / "plant.fmu", folder / "plant_unit", dict(zip(names, rows[0], strict=True)))
+    plant = Slave(folder / "plant.fmu", folder / "plant_fmu", dict(zip(names, rows[0], strict=True)))
     found = driven(law, plant, count, lambda k: rows[k])
     agree(found["state"], run.state[:count])
     agree(found["voltage"], run.command[:count])
@@ -254,7 +256,7 @@ def test_what_is_measured_and_not_finite_gives_no_voltage(exports: Exports, vers
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_from_a_saved_state_it_goes_on_with_the_same_bits(exports: Exports, version: int) -> None:
-    """Also another instance, from the bytes of the state; a state of another unit is refused."""
+    """Also another instance, from the bytes of the state; a state of another FMU is refused."""
     pair = exports.pair("study_1", "AFL", version)
     driven(*pair, 5)
     states = [one.saved() for one in pair]
@@ -268,10 +270,10 @@ def test_from_a_saved_state_it_goes_on_with_the_same_bits(exports: Exports, vers
     np.testing.assert_array_equal(further(*others), first)
     with pytest.raises(Exception, match="failed"):
         others[1].read(pair[0].written(states[0]))
-    assert others[1].messages[-1] == "this is no state of this unit"
+    assert others[1].messages[-1] == "this is no state of this FMU"
 
 
-def further(law: Unit, plant: Unit) -> np.ndarray:
+def further(law: Slave, plant: Slave) -> np.ndarray:
     """A few samples from where they are."""
     rows = []
     for k in range(5, 10):
@@ -326,7 +328,7 @@ def test_what_makes_no_sense_is_refused_and_changes_nothing(exports: Exports, ve
         (lambda: plant.put({"time": 1.0}), "can be set now"),
         (lambda: plant.step(SAMPLE_TIME, 0.0), "above zero"),
         (lambda: plant.step(SAMPLE_TIME, np.nan), "above zero"),
-        (lambda: plant.begin(), "after instantiation"),
+        (lambda: plant.begin(), "initialization"),
     ]
     for call, words in wrong:
         with pytest.raises(Exception, match="failed"):
@@ -348,7 +350,7 @@ def test_what_makes_no_sense_is_refused_and_changes_nothing(exports: Exports, ve
 
 def test_a_reference_is_the_experiments_own_or_what_is_given(exports: Exports) -> None:
     own, plant = exports.pair("study_1", "AFL", 2)
-    given = Unit(own.path, own.folder, {"own_reference": False})
+    given = Slave(own.path, own.folder, {"own_reference": False})
     loop = load_experiment("study_1").loops["AFL"]
     reference = np.hstack(loop.reference.over(np.arange(4) * SAMPLE_TIME))
     groups = ("reference", "reference_rate", "reference_acceleration")
@@ -396,28 +398,29 @@ def test_without_a_compiler_the_sources_are_there_and_can_be_built(
             export("study_1", "AFL", tmp_path / "out", is_unlimited=True, samples=1, fmu=3)
     for name in ("controller", "plant"):
         assert fmpy.supported_platforms(str(tmp_path / "out" / f"{name}.fmu")) == ["c-code"]
-    folder, place = Path(fmpy.extract(str(tmp_path / "out" / "controller.fmu"), str(tmp_path / "unit"))), tmp_path / "b"
+    folder, place = Path(fmpy.extract(str(tmp_path / "out" / "controller.fmu"), str(tmp_path / "fmu"))), tmp_path / "b"
     place.mkdir()
     monkeypatch.setenv("PATH", os.pathsep.join((sysconfig.get_path("scripts"), os.environ["PATH"])))  # CMake is there
     build.build_platform_binary(folder, place)
-    law, plant = Unit(tmp_path / "out" / "controller.fmu", folder), exports.pair("study_1", "AFL", 3)[1]
+    law, plant = Slave(tmp_path / "out" / "controller.fmu", folder), exports.pair("study_1", "AFL", 3)[1]
     agree(driven(law, plant, 20)["state"], run_of("study_1", "AFL", 20).state[:20])
 
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_its_c_is_the_standards(exports: Exports, version: int, tmp_path: Path) -> None:
-    """Its declarations are those of the standard's headers, all functions are there, and two units can be linked."""
+    """Its declarations are those of the standard's headers, all functions are there, and two FMUs can be linked."""
     command = [*(c_compiler.compiler() or ()), "-std=c11", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
     command += ["-Wno-unused-parameter", "-fPIC"]
     folder, header = exports.make("study_1", "AFL", version), HEADERS / f"fmi{version}Functions.h"
-    wanted = set(re.findall(rf"^FMI{version}_Export fmi\w+TYPE\s+(\w+);", header.read_text(), flags=re.M))
+    wanted = set(re.findall(rf"^ *FMI{version}_Export fmi\w+TYPE\s+(\w+);", header.read_text(), flags=re.M))
     wanted -= {f"fmi2{name}" for name in OF_MODEL_EXCHANGE}
+    assert len(wanted) > 30
     objects = []
     for name in ("controller", "plant"):
-        unit = Unit(folder / f"{name}.fmu", folder / f"{name}_unit")
-        library = ctypes.CDLL(str(next(unit.folder.glob("binaries/*/*"))))
-        assert [one for one in sorted(wanted) if not hasattr(library, one)] == []
-        sources = unit.folder / "sources"
+        one = Slave(folder / f"{name}.fmu", folder / f"{name}_fmu")
+        library = ctypes.CDLL(str(next(one.folder.glob("binaries/*/*"))))
+        assert [function for function in sorted(wanted) if not hasattr(library, function)] == []
+        sources = one.folder / "sources"
         subprocess.run([*command, "-fsyntax-only", "-include", header, sources / "fmu.c"], check=True)
         for source in sorted(sources.glob("*.c")):
             objects.append(tmp_path / f"{name}_{source.stem}.o")
@@ -442,6 +445,9 @@ def test_names_follow_the_prefix_and_an_unknown_version_writes_nothing(tmp_path:
     assert {name for name in files if name.endswith(".fmu")} == {"car.fmu", "car_plant.fmu"}
     with pytest.raises(UnknownNameError, match=r"^unknown version of FMI '4'; there is 2, 3$"):
         export("study_1", "AFL", tmp_path / "none", is_unlimited=True, fmu=4)
+    given = ["export", "study_1", "--out", str(tmp_path / "none"), "--unlimited", "--fmu", "1"]
+    done = CliRunner().invoke(app, given)
+    assert (done.exit_code, done.stderr) == (2, "error: unknown version of FMI '1'; there is 2, 3\n")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["car"]
 
 

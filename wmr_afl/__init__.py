@@ -24,7 +24,8 @@ from wmr_afl.model.derivation import derive
 from wmr_afl.model.files import list_models
 from wmr_afl.model.model import Model, load_model
 from wmr_afl.model.packages import generated as _generated
-from wmr_afl.onboard.controller import Controller
+from wmr_afl.onboard.controller import Controller, Diagnostics
+from wmr_afl.onboard.export import export
 from wmr_afl.simulation.batch import BatchResult
 from wmr_afl.simulation.result import Failure, Run
 from wmr_afl.simulation.simulate import SimulationWarning
@@ -38,6 +39,7 @@ __all__ = [
     "CampaignResult",
     "CompilerError",
     "Controller",
+    "Diagnostics",
     "Failure",
     "InputError",
     "MissingTermError",
@@ -51,6 +53,7 @@ __all__ = [
     "campaign",
     "compare",
     "derive",
+    "export",
     "generated",
     "list_experiments",
     "list_models",

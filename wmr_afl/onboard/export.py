@@ -42,7 +42,7 @@ KEYWORDS = frozenset(  # of C
 def export(
     experiment: str | Path,
     controller: str | None = None,
-    out: str | Path = "controller",
+    out: str | Path | None = None,
     is_single: bool = False,
     prefix: str = "controller",
     is_tunable: bool = False,
@@ -52,7 +52,7 @@ def export(
     samples: int = SAMPLES,
     fmu: int | None = None,
 ) -> dict[str, str | bytes]:
-    """Write the C99 of an experiment's controller, the first unless named, into the new folder `out`; return its files.
+    """The C99 of an experiment's controller, the first unless named, by file name; written to a new folder `out`.
 
     `is_single`: in single precision; `prefix`: of all names; `is_tunable`: gains and bounds are an argument of each
     step; `is_unlimited`: also if nothing limits the voltages; `has_reference`: with the experiment's own reference
@@ -71,8 +71,8 @@ def export(
     if samples < 1:
         raise ArgumentError(f"{samples} samples to replay", "choose one or more")
     check_version(fmu)
-    folder = Path(out)
-    if folder.exists():
+    folder = None if out is None else Path(out)
+    if folder is not None and folder.exists():
         raise WmrError(f"{folder} exists", "choose another folder, or remove this one")
     loaded = load_experiment(experiment)
     name = loaded.name(controller)
@@ -91,7 +91,8 @@ def export(
     if fmu is not None:
         files |= fmus(source, loop, fmu, loaded.experiment.simulation.duration, texts)
     try:
-        write_folder(folder, files)
+        if folder is not None:
+            write_folder(folder, files)
     except OSError as error:
         raise WmrError(f"{folder} cannot be written ({error.strerror})", "choose another folder") from None
     return files

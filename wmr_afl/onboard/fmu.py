@@ -86,6 +86,7 @@ class Fmu:
 
     def _files(self, version: int, token: UUID) -> dict[str, str]:
         variables, places, end = self.variables, dict[str, int](), 1
+        glue = f"{self.name}_fmu.c"
         for name, group in self.groups.items():
             places[name], end = end, end + len(group)
         open_ones = [one for one in variables[:end] if one.causality in ("input", "parameter")]
@@ -95,7 +96,7 @@ class Fmu:
             "version": version, "name": self.name, "title": self.title, "about": self.about,
             "token": f"{{{token}}}", "layout": f"{token.int >> 96:08x}",
             "headers": [name for name in self.sources if name.endswith(".h")],
-            "compiled": [name for name in [*self.sources, "fmu.c"] if name.endswith(".c")],
+            "compiled": [name for name in [*self.sources, glue] if name.endswith(".c")],
             "places": places, "fixed": 1 + len(tunable), "found": 1 + len(open_ones), "reals": end,
             "truths": end + len(self.wholes), "all": len(variables),
             "first_reals": [decimal(one.value, False) for one in variables[:end]],
@@ -105,7 +106,7 @@ class Fmu:
             "outputs": [i for i, one in enumerate(variables) if one.causality == "output"],
             "is_any_step": self.is_any_step,
         }  # fmt: skip
-        texts = {"modelDescription.xml": f"fmi{version}.xml.jinja", "sources/fmu.c": self.template}
+        texts = {"modelDescription.xml": f"fmi{version}.xml.jinja", f"sources/{glue}": self.template}
         if version == 3:
             texts["sources/buildDescription.xml"] = "build_description.xml.jinja"
         rendered = {name: TEMPLATES.get_template(template).render(context) for name, template in texts.items()}

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 import wmr_afl
+from benchmarks.exported import SANITIZED, STRICT, Law, built, fuzzed, tracked
 from tests.conftest import EXPERIMENTS
-from tests.wmr_afl.onboard.exported import SANITIZED, STRICT, Law, built
-from wmr_afl import ArgumentError, Controller, InputError, UnknownNameError, WmrError
-from wmr_afl.controllers.live_reference import BufferState, LiveReference, ReferenceBuffer
+from wmr_afl import ArgumentError, InputError, UnknownNameError, WmrError
+from wmr_afl.controllers.live_reference import BufferState, ReferenceBuffer
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.numerics.arrays import Floats
-from wmr_afl.numerics.parts import by_part
 from wmr_afl.onboard.export import export, onboard
 from wmr_afl.simulation.kernels.c_compiler import compiler
 
@@ -165,36 +163,13 @@ def test_the_reference_in_c_is_that_of_the_experiment(tmp_path: Path) -> None:
     np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-13)
 
 
-def tracked(loop_name: tuple[str, str], folder: Path | None, samples: int) -> Floats:
-    """The errors (T, n-m) of a robot in double precision under the C in single precision, or under Python's own law."""
-    experiment, name = loop_name
-    loop = load_experiment(experiment).loops[name]
-    model, values = loop.model.in_library("numpy"), by_part(loop.values)
-    law = None if folder is None else Law(loop, folder, True)
-    drive = [part for part in loop.plant.uncertainties if part.is_of_drive]
-    live = LiveReference(list(loop.model.output_units), loop.reference.counts_turns)
-    controller = Controller(loop.model, loop.law, live, loop.sample_time, drive)
-    state, errors = dict(loop.plant.states), []
-    for k in range(samples):
-        t = k * loop.sample_time
-        now = loop.reference.at(t)
-        setpoint = np.concatenate([now.position, now.velocity, now.acceleration])
-        if law is None:
-            u = controller.update(t, state["x"], (now.position, now.velocity, now.acceleration))
-        else:
-            assert law.step(loop.sample_time, np.asarray(state["x"]), setpoint) == 0
-            u = law.u.astype(float)
-        errors.append(model.output(state["x"][: model.coordinate_count], values.c) - now.position)
-        state |= loop.plant.update(t, u, by_part(state), values, model, loop.sample_time)
-    return np.array(errors)
-
-
 @pytest.mark.parametrize(
     "loop_name", [("study_1", "AFL"), ("track_tractor_3_trailers", "exact"), ("track_car", "composite")]
 )
 def test_a_robot_in_single_precision_tracks_as_well(loop_name: tuple[str, str], tmp_path: Path) -> None:
-    """Root mean square within one percent, or within what rounding the measured state to single precision makes."""
-    by_python, by_c = (tracked(loop_name, folder, 1500) for folder in (None, tmp_path / "c"))
+    """The robot itself in double precision: the root mean square of its error within one percent."""
+    loop = load_experiment(loop_name[0]).loops[loop_name[1]]
+    by_python, by_c = (tracked(loop, law, 1500) for law in (None, Law(loop, tmp_path / "c", True)))
     rms = [np.sqrt(np.mean(np.sum(errors**2, axis=1))) for errors in (by_python, by_c)]
     assert rms[1] == pytest.approx(rms[0], rel=0.01)
 
@@ -220,62 +195,6 @@ def test_estimates_in_single_precision_do_not_stall(tmp_path: Path) -> None:
     np.testing.assert_allclose(moved[True], moved[False], rtol=0.02, atol=2e-6)
 
 
-FUZZ = """
-#include "controller.h"
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-static uint64_t seed = 88172645463325252u;
-static uint64_t any(void) { seed ^= seed << 13; seed ^= seed >> 7; seed ^= seed << 17; return seed; }
-static controller_real bits(void)
-{
-    controller_real value;
-    const uint64_t some = any();
-    memcpy(&value, &some, sizeof value);
-    return (any() % 3u == 0u) ? (controller_real)((any() & 1u) != 0u ? NAN : INFINITY) : value;
-}
-static controller_real usual(void) { return (controller_real)((double)(any() % 2001u) / 1000.0 - 1.0); }
-int main(void)
-{
-    long wrong = 0, count[10] = { 0 };
-    controller_state s;
-    controller_init(&s);
-    for (long i = 0; i < COUNT; i++) {
-        controller_state before;
-        controller_setpoint r;
-        controller_diagnostics d;
-        controller_real x[CONTROLLER_X], u[CONTROLLER_U], dt = (controller_real)CONTROLLER_SAMPLE_TIME;
-        controller_real *const given = (controller_real *)&r;
-        if (any() % 50u == 0u)
-            controller_init(&s);
-        for (int j = 0; j < CONTROLLER_X; j++) x[j] = usual();
-        for (int j = 0; j < 3 * CONTROLLER_Y; j++) given[j] = usual();
-        switch (any() % 7u) {
-        case 0: x[any() % CONTROLLER_X] = bits(); break;
-        case 1: given[any() % (3 * CONTROLLER_Y)] = bits(); break;
-        case 2: dt = bits(); break;
-        case 3: s.z[any() % CONTROLLER_Z] = bits(); break;
-        case 4: for (int j = 0; j < CONTROLLER_X; j++) x[j] = bits(); break;
-        case 5: dt *= (controller_real)(any() % 20u); break;
-        default: break;
-        }
-        before = s;
-        const controller_status status = controller_step(&s, dt, x, &r, u, (any() & 1u) != 0u ? &d : NULL);
-        count[status]++;
-        for (int j = 0; j < CONTROLLER_U; j++)
-            wrong += !isfinite(u[j]) || (status != CONTROLLER_OK && !(u[j] == 0));
-        if (status != CONTROLLER_OK)
-            wrong += memcmp(&s, &before, sizeof s) != 0;
-        else
-            for (int j = 0; j < CONTROLLER_Z; j++) wrong += !isfinite(s.z[j]) && isfinite(before.z[j]);
-        if (status == CONTROLLER_BAD_STATE) controller_init(&s);
-    }
-    for (int j = 0; j < 8; j++) printf("%ld ", count[j]);
-    return wrong != 0;
-}
-"""
-
-
 @pytest.mark.parametrize(("experiment", "name", "is_single"), KINDS)
 def test_whatever_it_is_given_voltages_are_finite_and_a_refusal_changes_no_bit(
     experiment: str, name: str, is_single: bool, tmp_path: Path
@@ -283,11 +202,7 @@ def test_whatever_it_is_given_voltages_are_finite_and_a_refusal_changes_no_bit(
     """Any bits in any argument and in the state, under sanitizers."""
     folder = tmp_path / "c"
     export(experiment, name, folder, is_single=is_single, is_unlimited=True, has_reference=False, samples=2)
-    (folder / "main.c").write_text(FUZZ)
-    flags = [*(flag for flag in SANITIZED if flag != "-Werror"), "-DCOUNT=20000"]
-    done = subprocess.run([built(folder, flags, "fuzz")], capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    counts = [int(one) for one in done.stdout.split()]
+    counts = fuzzed(folder, 20_000)
     assert all(counts[status] > 0 for status in (0, 1, 2, 3)), counts
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import io
 import os
 import re
 import subprocess
@@ -421,7 +422,7 @@ def test_its_c_is_the_standards(exports: Exports, version: int, tmp_path: Path) 
         library = ctypes.CDLL(str(next(one.folder.glob("binaries/*/*"))))
         assert [function for function in sorted(wanted) if not hasattr(library, function)] == []
         sources = one.folder / "sources"
-        subprocess.run([*command, "-fsyntax-only", "-include", header, sources / "fmu.c"], check=True)
+        subprocess.run([*command, "-fsyntax-only", "-include", header, sources / f"{name}_fmu.c"], check=True)
         for source in sorted(sources.glob("*.c")):
             objects.append(tmp_path / f"{name}_{source.stem}.o")
             prefix = f"-DFMI{version}_FUNCTION_PREFIX={name}_"
@@ -441,14 +442,17 @@ def test_the_same_experiment_gives_the_same_bytes(exports: Exports, tmp_path: Pa
 
 def test_names_follow_the_prefix_and_an_unknown_version_writes_nothing(tmp_path: Path) -> None:
     with patch.object(cosimulation, "binary", failing), pytest.warns(BackendWarning):
-        files = export("study_1", "AFL", tmp_path / "car", is_unlimited=True, prefix="car", samples=1, fmu=2)
-    assert {name for name in files if name.endswith(".fmu")} == {"car.fmu", "car_plant.fmu"}
+        files = export("study_1", "AFL", is_unlimited=True, prefix="fmu", samples=1, fmu=2)
+    assert {name for name in files if name.endswith(".fmu")} == {"fmu.fmu", "fmu_plant.fmu"}
+    with zipfile.ZipFile(io.BytesIO(files["fmu.fmu"])) as archive:
+        sources = {Path(name).name for name in archive.namelist() if name.endswith(".c")}
+    assert sources == {"fmu.c", "fmu_reference.c", "fmu_fmu.c"}
     with pytest.raises(UnknownNameError, match=r"^unknown version of FMI '4'; there is 2, 3$"):
         export("study_1", "AFL", tmp_path / "none", is_unlimited=True, fmu=4)
     given = ["export", "study_1", "--out", str(tmp_path / "none"), "--unlimited", "--fmu", "1"]
     done = CliRunner().invoke(app, given)
     assert (done.exit_code, done.stderr) == (2, "error: unknown version of FMI '1'; there is 2, 3\n")
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["car"]
+    assert list(tmp_path.iterdir()) == []
 
 
 def failing(*arguments: object) -> dict[str, bytes]:

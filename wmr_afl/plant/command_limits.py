@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault
 from wmr_afl.numerics.vectors import per_entry, told
@@ -74,6 +75,9 @@ class CommandLimits(Uncertainty):
                 ~np.all(k.room > 0.0, axis=-1),
                 lambda k: (f"a command may change by {k.room[0]:g} V", "choose a positive slew"),
             )
+
+    def entries(self, model: Model) -> dict[str, dict[str, str]]:
+        return {"most": model.input_units, "least": model.input_units, "room": {"": "V"}}
 
     def applied(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> Array:
         within = self._within(u, k.least, k.most, arrays)

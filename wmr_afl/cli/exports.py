@@ -24,6 +24,9 @@ def export(
     ] = True,
     layout: Annotated[str, typer.Option(help="cmake, or platformio: with a library.json besides.")] = "cmake",
     samples: Annotated[int, typer.Option(help="How many samples are replayed.")] = 1000,
+    gate: Annotated[
+        float | None, typer.Option(help="By how much outputs may jump; a sample beyond is refused.")
+    ] = None,
     fmu: Annotated[
         int | None, typer.Option(help="2 or 3: with FMUs of controller and robot for co-simulation, by that FMI.")
     ] = None,
@@ -43,6 +46,7 @@ def export(
             has_reference=reference,
             layout=layout,
             samples=samples,
+            gate=gate,
             fmu=fmu,
         )
         console.print(f"{out}: {', '.join(sorted(files))}", highlight=False)

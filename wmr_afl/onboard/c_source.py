@@ -165,7 +165,8 @@ class Source:
             "next": results["next"], "volts": results["u"], "command": results["command"],
             "remainders": [program.rests[entry] for entry in self.compensated],
             "at_bound": results["at_bound"], "regularity": results["regularity"][0],
-            "surprise": results["surprise"][0] if law.observes else "", "bound": self._number("observer.bound", 0),
+            "surprise": results["surprise"][0] if self.sampled.surprise_bound else "",
+            "bound": self._number(self.sampled.surprise_bound, 0),
             "bounds": self._bounds(),
             "layout": digest("\n".join([*lines, *results["next"], *map(str, states), self.target.real])),
         }  # fmt: skip

@@ -65,6 +65,8 @@ class Controller(Fixed):
     `drive`: what the robot's drive does to a command, such as limits and a delay: what has no memory is done to the
     voltages that are returned, and all of it is taken into account by a law that looks at the applied input.
 
+    `gate` [output units]: a sample whose outputs are farther from what the last one leads to is refused.
+
     With `hears_applied` each call may tell what reached the motors after the last one.
 
     One controller may be called from several threads; each call is done before the next begins.
@@ -85,8 +87,9 @@ class Controller(Fixed):
         drive: Sequence[Uncertainty] = (),
         max_gap: float | None = None,
         hears_applied: bool = False,
+        gate: float | None = None,
     ) -> None:
-        self.sampled = sampled = SampledLaw(model, law, reference, sample_time, drive, max_gap)
+        self.sampled = sampled = SampledLaw(model, law, reference, sample_time, drive, max_gap, gate)
         self.model, self.law, self.reference = model, law, sampled.reference
         self.sample_time, self.max_gap, self.measured = sampled.sample_time, sampled.max_gap, sampled.measured
         self._shape = (len(self.measured),)
@@ -111,6 +114,7 @@ class Controller(Fixed):
         controller: str | None = None,
         is_live: bool = False,
         hears_applied: bool = False,
+        gate: float | None = None,
     ) -> Controller:
         """The controller of an experiment, the first unless named, with its reference, sample time and drive.
 
@@ -126,7 +130,7 @@ class Controller(Fixed):
         reference = loop.reference
         if is_live:
             reference = LiveReference(list(loop.model.output_units), reference.counts_turns)
-        return cls(loop.model, loop.law, reference, loop.sample_time, drive, hears_applied=hears_applied)
+        return cls(loop.model, loop.law, reference, loop.sample_time, drive, hears_applied=hears_applied, gate=gate)
 
     def update(
         self,
@@ -354,7 +358,8 @@ class Controller(Fixed):
         """A copy is a controller of its own, in the same state."""
         drive = list(self.sampled.drive)
         hears_applied = self._told is not None
-        built = (self.model, self.law, self.reference, self.sample_time, drive, self.max_gap, hears_applied)
+        gate = None if self.sampled.gate is None else float(self.sampled.gate.bound[0])
+        built = (self.model, self.law, self.reference, self.sample_time, drive, self.max_gap, hears_applied, gate)
         return _restored, (built, self.state_dict(), tuple(self._last))
 
     def _step(self, time: float, passed: float) -> float:
@@ -378,9 +383,10 @@ class Controller(Fixed):
             return f"{when} {', '.join(wrong)} as measured {'is' if len(wrong) == 1 else 'are'} not finite", UNSOUND
         if status == Status.LOST:
             surprise = float(self._runner.told["surprise"][0])
+            is_gate = self.sampled.gate is not None
+            who = "the gate refuses a sample: it" if is_gate else "the observer is lost: what is measured"
             return (
-                f"{when} the observer is lost: what is measured differs by {surprise:.3g} m or rad from what it "
-                "expected",
+                f"{when} {who} differs by {surprise:.3g} m or rad from what was expected",
                 f"measure again, wait for a gap of {self.max_gap:g} s, after which it begins again, or call reset()",
             )
         if status == Status.SINGULAR:

@@ -50,13 +50,15 @@ def export(
     has_reference: bool = True,
     layout: str = "cmake",
     samples: int = SAMPLES,
+    gate: float | None = None,
     fmu: int | None = None,
 ) -> dict[str, str | bytes]:
     """The C99 of an experiment's controller, the first unless named, by file name; written to a new folder `out`.
 
     `is_single`: in single precision; `prefix`: of all names; `is_tunable`: gains and bounds are an argument of each
     step; `is_unlimited`: also if nothing limits the voltages; `has_reference`: with the experiment's own reference
-    besides the buffer; `fmu`: with FMUs of controller and robot, of this version of FMI.
+    besides the buffer; `gate` [output units]: outputs may jump by less; `fmu`: with FMUs of controller and robot, of
+    this version of FMI.
 
     Raises:
         InputError: if the experiment has a mistake.
@@ -77,7 +79,7 @@ def export(
     loaded = load_experiment(experiment)
     name = loaded.name(controller)
     loop = loaded.loops[name]
-    sampled = onboard(loop)
+    sampled = onboard(loop, gate)
     if not (sampled.is_limited or is_unlimited):
         raise WmrError(
             f"nothing limits the voltages of {name!r}",
@@ -98,11 +100,11 @@ def export(
     return files
 
 
-def onboard(loop: ClosedLoop) -> SampledLaw:
+def onboard(loop: ClosedLoop, gate: float | None = None) -> SampledLaw:
     """The law of a loop as it runs on the robot: with the drive that it knows, and given each setpoint."""
     drive = [part for part in loop.plant.uncertainties if part.is_of_drive]
     reference = LiveReference(list(loop.model.output_units), loop.reference.counts_turns)
-    return SampledLaw(loop.model, loop.law, reference, loop.sample_time, drive)
+    return SampledLaw(loop.model, loop.law, reference, loop.sample_time, drive, gate=gate)
 
 
 def vectors(loop: ClosedLoop, sampled: SampledLaw, samples: int, is_single: bool = False) -> tuple[Floats, float]:
@@ -125,7 +127,9 @@ def vectors(loop: ClosedLoop, sampled: SampledLaw, samples: int, is_single: bool
 
 def _driven(loop: ClosedLoop, sampled: SampledLaw, times: Floats, inputs: Floats) -> Floats:
     """The rows of `vectors` for states and setpoints, one after the other in each row of `inputs`."""
-    controller = Controller(loop.model, loop.law, sampled.reference, loop.sample_time, list(sampled.drive))
+    gate = None if sampled.gate is None else float(sampled.gate.bound[0])
+    drive = list(sampled.drive)
+    controller = Controller(loop.model, loop.law, sampled.reference, loop.sample_time, drive, gate=gate)
     states, outputs = len(loop.model.state_units), len(loop.model.output_units)
     rows = []
     for t, given in zip(times, inputs, strict=True):

@@ -149,7 +149,7 @@ class Interpreted(Runner):
         """What is wrong with what came out."""
         regularity = self._signals["regularity"][0]
         if regularity <= 0.0:
-            bound = self._sampled.values.get("observer.bound", (np.inf,))[0]
+            bound = self._sampled.values.get(self._sampled.surprise_bound, (np.inf,))[0]
             return Status.SINGULAR if self._signals.get("surprise", (-np.inf,))[0] < bound else Status.LOST
         if np.isfinite(self._after).all() and np.isfinite(self._signals["u"]).all() and regularity > 0.0:
             return Status.OK

@@ -19,6 +19,7 @@ from wmr_afl.errors import WmrError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.parts import Fixed, Parts, by_part, disjoint, prefixed
+from wmr_afl.onboard.gate import Gate
 from wmr_afl.plant.uncertainty import Uncertainty
 from wmr_afl.simulation.layout import Layout
 
@@ -38,6 +39,8 @@ class SampledLaw(Fixed):
     `drive`: what the robot's drive does to a command, such as limits and a delay: limits, and what has no memory, are
     done to the voltages that are returned; all of it is taken into account by a law that looks at the applied input.
 
+    `gate` [output units]: a sample that is farther from what the last one leads to is refused, see `Gate`.
+
     Raises:
         UnknownNameError: if the reference names another output.
         WmrError: if an output has no reference, or a time is not positive.
@@ -51,6 +54,7 @@ class SampledLaw(Fixed):
         sample_time: float,
         drive: Sequence[Uncertainty] = (),
         max_gap: float | None = None,
+        gate: float | None = None,
     ) -> None:
         self.model, self.law, self.sample_time = model, law, float(sample_time)
         self.reference = reference.ordered(list(model.output_units))
@@ -60,6 +64,10 @@ class SampledLaw(Fixed):
                 f"a sample time of {sample_time} s and a longest gap of {self.max_gap} s",
                 "choose 0 < sample_time <= max_gap",
             )
+        if gate is not None and law.observes:
+            raise WmrError("an observer refuses outliers itself", "leave the gate out, and choose the observer's bound")
+        self.gate = None if gate is None else Gate(len(model.output_units), gate)
+        self.own = Parts([self.gate])
         self.drive = Parts(drive)
         self.measured = tuple(model.state_units) if law.measurement is None else law.measurement.names
 
@@ -104,18 +112,26 @@ class SampledLaw(Fixed):
     @property
     def values(self) -> dict[str, Floats]:
         """Gains, bounds and known constants by name."""
-        return disjoint(self.law.values, self.drive.values)
+        return disjoint(self.law.values, self.drive.values, self.own.values)
 
     @functools.cached_property
     def clock_size(self) -> int:
         """How many numbers a step is given of time and reference."""
         return int(self.reference.clock(np.zeros(1), self.law.lead).size)
 
+    @property
+    def surprise_bound(self) -> str:
+        """The name of the number beyond which a sample is refused, if there is one."""
+        if self.law.observes:
+            return f"{Observer.name}.bound"
+        return "" if self.gate is None else f"{Gate.name}.bound"
+
     @functools.cached_property
     def signals(self) -> dict[str, int]:
         """What a step tells besides the next states, with sizes."""
         outputs, inputs = len(self.model.output_units), len(self.model.input_units)
-        observed = {"observed": len(self.model.state_units), "surprise": 1} if self.law.observes else {}
+        observed = {"observed": len(self.model.state_units)} if self.law.observes else {}
+        observed |= {"surprise": 1} if self.surprise_bound else {}
         return {
             "u": inputs,  # the voltages to be given to the motors
             "command": inputs,  # the same before any limit
@@ -168,6 +184,11 @@ class SampledLaw(Fixed):
         }
         if self.law.observes:
             signals |= {"observed": known["view"].now, "surprise": arrays.vector([known["view"].surprise])}
+        if self.gate is not None:
+            surprise, looked = self.gate.look(x, seen.gate, k.c, model, passed)
+            following |= prefixed(self.gate.name, looked)
+            is_sound = arrays.minimum(action.regularity, k.gate.bound[0] - surprise)
+            signals |= {"surprise": arrays.vector([surprise]), "regularity": arrays.vector([is_sound])}
         return following, signals
 
     def traced(self, is_tunable: bool = False, is_told: bool = False) -> ca.Function:
@@ -211,7 +232,7 @@ class SampledLaw(Fixed):
 
     @property
     def _states(self) -> dict[str, Floats]:
-        return disjoint(self.law.states, self.drive.states)
+        return disjoint(self.law.states, self.drive.states, self.own.states)
 
 
 def _runs(name: str) -> bool:
@@ -220,7 +241,8 @@ def _runs(name: str) -> bool:
 
 
 def _watches(name: str) -> bool:
-    return name.startswith(f"{Observer.name}.")
+    """Whether a part extrapolates over late samples, and begins again after a gap only."""
+    return name.startswith((f"{Observer.name}.", f"{Gate.name}."))
 
 
 def _compares(name: str) -> bool:

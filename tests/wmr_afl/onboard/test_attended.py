@@ -212,3 +212,35 @@ def test_a_limited_command_is_returned_as_the_simulator_applies_it(tmp_path: Pat
     assert np.abs(np.diff(run.input[:200], axis=0)).max() <= 60.0 * 0.02 + 1e-9
     with pytest.raises(SimulationError, match="build it with hears_applied=True"):
         controller.update(5.0, run.state[0], applied=[0.0, 0.0])
+
+
+@pytest.mark.usefixtures("_runner")
+@pytest.mark.parametrize(("experiment", "name"), [("study_1", "AFL"), ("track_car", "composite")])
+def test_a_gate_refuses_what_jumps_and_changes_nothing_else(experiment: str, name: str) -> None:
+    """An outlier leaves every bit; the next sample is believed again, and after a gap whatever comes."""
+    run = wmr_afl.run(experiment, controllers=name)[name]
+    free, gated = Controller.from_experiment(experiment, name), Controller.from_experiment(experiment, name, gate=0.2)
+    for k in range(60):
+        if k % 20 == 7:
+            before = gated.states
+            for off in (0.25, -0.25):
+                with pytest.raises(SimulationError, match=r"the gate refuses a sample: it differs by 0\.2"):
+                    gated.update(run.time[k], run.state[k] + off * np.eye(len(run.state[k]))[0])
+                assert gated.diagnostics.status == Status.LOST
+                assert gated.diagnostics.surprise == pytest.approx(0.25, abs=0.01)
+            np.testing.assert_array_equal(gated.states, before)
+        u = gated.update(run.time[k], run.state[k])
+        np.testing.assert_allclose(u, free.update(run.time[k], run.state[k]), rtol=1e-12, atol=1e-12)
+    jumped = run.state[60] + 5.0 * np.eye(len(run.state[60]))[0]
+    with pytest.raises(SimulationError, match="the gate refuses"):
+        gated.update(run.time[60], jumped)
+    for k in range(3):
+        gated.update(run.time[60] + 1.0 + k * gated.sample_time, jumped + k * (run.state[1] - run.state[0]))
+
+
+def test_a_gate_that_makes_no_sense_is_refused() -> None:
+    for wrong in (0.0, -1.0, np.nan):
+        with pytest.raises(WmrError, match="choose a positive number"):
+            Controller.from_experiment("study_1", gate=wrong)
+    with pytest.raises(WmrError, match="choose the observer's bound"):
+        Controller.from_experiment("study_2_pose", "pose", gate=0.3)

@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from wmr_afl.errors import BackendWarning, CompilerError, UnknownNameError
-from wmr_afl.onboard.c_source import TOLD, Source, decimal
+from wmr_afl.onboard.c_source import OWN, TOLD, Source, decimal
 from wmr_afl.onboard.fmu import Fmu, Variable, binary, packed
 from wmr_afl.onboard.sampled_plant import SampledPlant, joined, numbered
 from wmr_afl.onboard.status import Status
@@ -17,7 +17,7 @@ from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.kernels.c_printer import Argument, Depends, Program, Target, print_step
 
 VERSIONS = (2, 3)  # of FMI
-PRECISE = Target("double", functools.partial(decimal, is_single=False), "", "robot_")
+PRECISE = Target("double", functools.partial(decimal, is_single=False), "", "robot_", OWN)
 RATES = {"position": ("", ""), "velocity": ("_rate", "/s"), "acceleration": ("_acceleration", "/s^2")}  # of a setpoint
 NAMELESS = {"": ""}  # the entry of a single number without a unit
 

@@ -11,7 +11,7 @@ from tests.conftest import ROOT
 
 PAGE = (ROOT / "docs" / "api.md").read_text()
 PAGES = ["CONTRIBUTING.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
-FOLDERS = ("benchmarks", "derive", "docs", "generated", "tests", "wmr_afl", "wmr_input")
+FOLDERS = ("benchmarks", "derive", "docs", "examples", "generated", "tests", "wmr_afl", "wmr_input")
 FILES = {f"/{path.name}" for path in ROOT.iterdir()} | {
     path.as_posix() for folder in FOLDERS for path in (ROOT / folder).rglob("*.*")
 }

@@ -6,6 +6,12 @@ result = wmr_afl.run("study_1")
 result["AFL"].rms(since=100.0)
 """
 
+from wmr_afl.controllers.live_reference import LiveReference, ReferenceBuffer
+from wmr_afl.controllers.path import along
+from wmr_afl.controllers.pieces import Pieces
+from wmr_afl.controllers.reference import Reference
+from wmr_afl.controllers.sampled import Sampled
+from wmr_afl.controllers.waypoints import Waypoints
 from wmr_afl.errors import (
     ArgumentError,
     BackendWarning,
@@ -24,7 +30,8 @@ from wmr_afl.model.derivation import derive
 from wmr_afl.model.files import list_models
 from wmr_afl.model.model import Model, load_model
 from wmr_afl.model.packages import generated as _generated
-from wmr_afl.onboard.controller import Controller
+from wmr_afl.onboard.controller import Controller, Diagnostics
+from wmr_afl.onboard.export import export
 from wmr_afl.simulation.batch import BatchResult
 from wmr_afl.simulation.result import Failure, Run
 from wmr_afl.simulation.simulate import SimulationWarning
@@ -38,19 +45,28 @@ __all__ = [
     "CampaignResult",
     "CompilerError",
     "Controller",
+    "Diagnostics",
     "Failure",
     "InputError",
+    "LiveReference",
     "MissingTermError",
     "Model",
+    "Pieces",
+    "Reference",
+    "ReferenceBuffer",
     "Run",
+    "Sampled",
     "ShapeError",
     "SimulationError",
     "SimulationWarning",
     "UnknownNameError",
+    "Waypoints",
     "WmrError",
+    "along",
     "campaign",
     "compare",
     "derive",
+    "export",
     "generated",
     "list_experiments",
     "list_models",

@@ -1,6 +1,7 @@
 """TOML file -> validated model; every mistake becomes one line with file, place, problem and remedy."""
 
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -83,10 +84,25 @@ def place(location: tuple[int | str, ...], data: Any) -> str:
             head = f"[[{table}]] " + (repr(name) if isinstance(name, str) else f"number {rest[0] + 1}")
         else:
             head = f"{table} number {rest[0] + 1}"
-        rest = rest[1:]
+        rest, inside = rest[1:], item
     else:
         head = f"[{table}]"
-    return f"{head} {'.'.join(str(part) for part in rest)}".strip()
+    return f"{head} {_below(rest, inside)}".strip()
+
+
+def _below(rest: Sequence[int | str], data: Any) -> str:
+    """A place within a table: `pieces number 2 circle.radius`; a list of tables is counted from one."""
+    text = ""
+    for part in rest:
+        try:
+            data = data[part]
+        except (LookupError, TypeError):  # a key that is missing
+            data = None
+        if isinstance(part, int) and isinstance(data, dict):
+            text += f" number {part + 1} "
+        else:
+            text += f".{part}" if text and not text.endswith(" ") else str(part)
+    return text.strip()
 
 
 def _depth(data: Any) -> int:

@@ -81,8 +81,8 @@ def discard(beside: Path) -> None:
             beside.unlink(missing_ok=True)
 
 
-def write_folder(folder: Path, files: Mapping[str, str]) -> None:
-    """Write a folder of text files, all of them at once.
+def write_folder(folder: Path, files: Mapping[str, str] | Mapping[str, str | bytes]) -> None:
+    """Write a folder of files, all of them at once.
 
     What else lies in it stays, except what Python has compiled there.
 
@@ -90,8 +90,8 @@ def write_folder(folder: Path, files: Mapping[str, str]) -> None:
         OSError: if it cannot be written; what was there stays.
     """
     with renewing(folder, without=(*files, "__pycache__")) as beside:
-        for name, text in files.items():
-            write_whole(beside / name, text)
+        for name, content in files.items():
+            write_whole(beside / name, content)
 
 
 @contextmanager

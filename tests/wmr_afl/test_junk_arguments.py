@@ -18,7 +18,12 @@ from tests.fuzzing import SEED, budget, stream
 from tests.wmr_afl.junk import answered, is_finite, junk, shown
 from wmr_afl import CampaignResult, Controller, Model, Run
 from wmr_afl.analysis import animation, files, plots
+from wmr_afl.controllers.live_reference import LiveReference, ReferenceBuffer
+from wmr_afl.controllers.path import along
+from wmr_afl.controllers.pieces import Pieces
 from wmr_afl.controllers.reference import Reference
+from wmr_afl.controllers.sampled import Sampled
+from wmr_afl.controllers.waypoints import Waypoints
 
 SHORT = (
     (EXPERIMENTS / "study_1.toml")
@@ -57,6 +62,13 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
     )
 
 
+def pushed() -> ReferenceBuffer:
+    """A buffer that holds a setpoint."""
+    buffer = ReferenceBuffer(["y1"])
+    buffer.push(0.0, [1.0], [0.5])
+    return buffer
+
+
 Usual = Callable[[World], dict[str, Any]]
 CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> itself, and arguments that are right
     "load_model": (wmr_afl.load_model, lambda w: {"name": "type_2_0"}),
@@ -87,10 +99,24 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
     "Controller.from_experiment": (Controller.from_experiment, lambda w: {"experiment": w.experiment}),
     "Controller.load_state": (Controller.load_state, lambda w: {"self": w.controller}),
     "Controller.update": (Controller.update, lambda w: {"self": w.controller, "t": 0.02, "x": STATE}),
+    "export": (wmr_afl.export, lambda w: {"experiment": w.experiment, "is_unlimited": True, "samples": 2}),
     "Reference": (Reference, lambda w: {"expressions": {"y1": "t"}}),
     "Reference.ordered": (Reference.ordered, lambda w: {"self": w.controller.reference}),
     "Reference.at": (Reference.at, lambda w: {"self": w.controller.reference}),
     "Reference.over": (Reference.over, lambda w: {"self": w.controller.reference}),
+    "Waypoints": (Waypoints, lambda w: {"times": [0.0, 1.0], "values": {"y1": [0.0, 1.0]}}),
+    "along": (along, lambda w: {"points": {"y1": [0.0, 1.0], "y2": [0.0, 0.5]}, "speed": 1.0, "acceleration": 1.0}),
+    "Sampled": (Sampled, lambda w: {"outputs": ["y1"], "yr": lambda t: 2.0 * t, "duration": 1.0, "step": 0.1}),
+    "Pieces": (Pieces, lambda w: {"pieces": [(w.controller.reference, 1.0)]}),
+    "Pieces.over": (Pieces.over, lambda w: {"self": Pieces([(w.controller.reference, 1.0)])}),
+    "Pieces.at": (Pieces.at, lambda w: {"self": Pieces([(w.controller.reference, 1.0)])}),
+    "LiveReference": (LiveReference, lambda w: {"outputs": ["y1"]}),
+    "ReferenceBuffer": (ReferenceBuffer, lambda w: {"outputs": ["y1"]}),
+    "ReferenceBuffer.push": (
+        ReferenceBuffer.push,
+        lambda w: {"self": ReferenceBuffer(["y1"]), "t": 0.0, "position": [1.0], "velocity": [0.0]},
+    ),
+    "ReferenceBuffer.at": (ReferenceBuffer.at, lambda w: {"self": pushed(), "t": 0.5}),
     "animate": (animation.animate, lambda w: {"run": w.run, "path": "run.gif"}),
     "write_results": (files.write_results, lambda w: {"runs": {"AFL": w.run}, "folder": Path("out")}),
     "overview": (plots.overview, lambda w: {"runs": {"AFL": w.run}, "title": "a title"}),
@@ -99,6 +125,7 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
 NOT_CALLED = {
     "BatchResult",
     "CampaignResult",
+    "Diagnostics",
     "Run",
     "Failure",
     "list_models",
@@ -106,7 +133,7 @@ NOT_CALLED = {
 }  # results; no argument
 SLOW = {"animate": 2, "overview": 2, "save": 5}  # calls that draw -> how often in the suite
 ROUNDS = 10  # of the others, for each argument
-ARITHMETIC = ("Reference.at", "Reference.over")  # where what is not finite goes through
+ARITHMETIC = ("Reference.at", "Reference.over", "Pieces.at", "Pieces.over")  # where what is not finite goes through
 NOT_THE_PRODUCTS = {  # a function raises what it likes, a scheduler is looked for in the network
     "progress": callable,
     "scheduler": lambda given: isinstance(given, str) and given != "",
@@ -140,6 +167,11 @@ DEEPER: dict[str, Callable[[World, Any], object]] = {  # junk inside of what is 
     "Model.parameters m_C and r": lambda w, given: w.model.parameters(m_C=given, r=[0.1, 0.2]),
     "Model attribute": lambda w, given: getattr(w.model, given) if isinstance(given, str) else None,
     "Reference y1": lambda w, given: Reference({"y1": given}),
+    "Waypoints y1": lambda w, given: Waypoints([0.0, 1.0], {"y1": given}),
+    "Sampled yr": lambda w, given: Sampled(["y1"], lambda t: given, 1.0, step=0.1),
+    "Sampled yr1": lambda w, given: Sampled(["y1"], lambda t: t, 1.0, yr1=lambda t: given, step=0.1),
+    "a duration of Pieces": lambda w, given: Pieces([(w.controller.reference, given)]),
+    "a piece of Pieces": lambda w, given: Pieces([(w.controller.reference, 1.0), given]),
     "Controller.update x": updated,
     "Controller.load_state theta_hat": lambda w, given: w.controller.load_state({"theta_hat": given}),
     **{

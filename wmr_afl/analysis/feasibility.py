@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,14 +49,17 @@ class Demand:
     doubts: tuple[Doubt, ...]
 
 
-def demand(experiment: Experiment, path: Path) -> Demand:
+def demand(experiment: Experiment, path: Path, reference: Reference | None = None) -> Demand:
     """What the reference of the experiment in `path` asks of its robot, with true parameters and undisturbed.
+
+    `reference` takes the place of the experiment's.
 
     Raises:
         InputError: if the experiment does not fit its robot.
     """
     limited = experiment.uncertainties.input_limits
     loop = _knowing(experiment, path)
+    loop = loop if reference is None else replace(loop, reference=reference)
     motors = list(loop.model.input_units)
     bounds = np.full(len(motors), np.inf) if limited is None else np.broadcast_to(limited.volts, len(motors))
     run = simulate(loop, experiment.simulation.duration, "exact", "casadi")
@@ -90,13 +93,13 @@ def _knowing(experiment: Experiment, path: Path) -> ClosedLoop:
 
 
 def _jumps(reference: Reference, times: Floats) -> Iterator[Doubt]:
-    """Where the reference, or its velocity, moves by more than its derivatives tell."""
+    """Where the reference, or its velocity, moves by more than its derivatives tell, which may jump themselves."""
     step = np.diff(times)[:, None]
     parts = reference.over(times)
     for name, value, rate in (("the reference", *parts[:2]), ("the velocity of the reference", *parts[1:])):
-        told = 0.5 * step * (rate[1:] + rate[:-1])
-        off = np.abs(np.diff(value, axis=0) - told)
-        where = np.flatnonzero((off > JUMP + BEND * np.abs(told)).any(axis=1))
+        moved, least, most = np.diff(value, axis=0), *np.sort([step * rate[:-1], step * rate[1:]], axis=0)
+        off = np.maximum(np.maximum(least - moved, moved - most), 0.0)
+        where = np.flatnonzero((off > JUMP + BEND * np.maximum(np.abs(least), np.abs(most))).any(axis=1))
         for index in where[:MOST]:
             yield Doubt(f"{name} jumps by {off[index].max():.3g}", float(times[index + 1]), float(times[index + 1]))
 

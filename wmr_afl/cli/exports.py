@@ -24,6 +24,9 @@ def export(
     ] = True,
     layout: Annotated[str, typer.Option(help="cmake, or platformio: with a library.json besides.")] = "cmake",
     samples: Annotated[int, typer.Option(help="How many samples are replayed.")] = 1000,
+    fmu: Annotated[
+        int | None, typer.Option(help="2 or 3: with FMUs of controller and robot for co-simulation, by that FMI.")
+    ] = None,
 ) -> None:
     """Write a controller as C99 that stands on its own: law, reference, buffer of setpoints, replay, wiring."""
     with reporting():
@@ -40,6 +43,7 @@ def export(
             has_reference=reference,
             layout=layout,
             samples=samples,
+            fmu=fmu,
         )
         console.print(f"{out}: {', '.join(sorted(files))}", highlight=False)
         console.print("README.md tells which wire is which, and how to replay what Python did", highlight=False)

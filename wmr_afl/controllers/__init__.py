@@ -12,9 +12,11 @@ from wmr_afl.controllers.normalization import Normalization
 from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.passivity_law import Effort, PassivityLaw
 from wmr_afl.controllers.path import along
+from wmr_afl.controllers.pieces import Pieces
 from wmr_afl.controllers.projection import Projection
 from wmr_afl.controllers.reference import Reference
 from wmr_afl.controllers.robust_term import RobustTerm
+from wmr_afl.controllers.sampled import Sampled
 from wmr_afl.controllers.tracking_law import TrackingLaw
 from wmr_afl.controllers.waypoints import Waypoints
 
@@ -32,10 +34,12 @@ __all__ = [
     "Normalization",
     "OuterLoop",
     "PassivityLaw",
+    "Pieces",
     "Projection",
     "Reference",
     "ReferenceBuffer",
     "RobustTerm",
+    "Sampled",
     "TrackingLaw",
     "Waypoints",
     "along",

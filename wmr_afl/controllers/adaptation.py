@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import model_validator
 
+from wmr_afl.controllers.dead_zone import DeadZone
 from wmr_afl.controllers.leakage import Leakage
 from wmr_afl.controllers.modification import Modification
 from wmr_afl.controllers.normalization import Normalization
@@ -33,6 +34,7 @@ class AdaptationTable(Table):
     relative_gain: Positive | None = None
     input: Literal["commanded", "applied"] = "commanded"  # at which W is taken
     order: Literal["early", "late"] = "early"  # W and E1 of one sample, or W of the last one with E1 of this one
+    dead_zone: Annotated[Positive | None, DeadZone] = None
     normalization: Annotated[Positive | None, Normalization] = None
     leakage: Annotated[Named | None, Leakage] = None
 

@@ -66,6 +66,7 @@ class Law(Fixed):
     parts: Parts[Part]
     adapts: bool  # whether its estimates move
     knows_deviation: bool = False  # of its estimates
+    learning: tuple[str, ...] = ()  # parts whose states serve nothing but the estimates
     limits_inputs: bool = False  # whether its own commands are bounded
     observes: bool = False  # whether it goes by what an observer makes of the pose
     measurement: Measurement | None = None  # what `act` is given; None is x as it is measured

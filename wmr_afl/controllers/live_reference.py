@@ -12,34 +12,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.controllers.reference import Point, Reference
-from wmr_afl.errors import SimulationError, UnknownNameError, WmrError
+from wmr_afl.controllers.reference import Point
+from wmr_afl.controllers.spline import horner, joined
+from wmr_afl.controllers.tabled_reference import RowReference
+from wmr_afl.errors import ShapeError, SimulationError, WmrError
 from wmr_afl.numerics.arguments import checked, real_numbers
 from wmr_afl.numerics.arrays import Floats
 
+POWERS = np.arange(5.0, 0.0, -1.0)[:, None]  # of a polynomial of degree 5, which its derivative brings down
 Setpoint = tuple[ArrayLike, ArrayLike, ArrayLike]  # yr, yr', yr'', (n-m,) each
 
 
-class LiveReference(Reference):
+class LiveReference(RowReference):
     """A reference that is given with each sample: `controller.update(t, x, reference=(yr, yr1, yr2))`.
 
     A law that looks ahead goes on with yr'' held.
+
+    Raises:
+        WmrError: if it has no outputs, or names one twice.
     """
 
     @checked
     def __init__(self, outputs: Sequence[str], counts_turns: bool = False) -> None:
-        self.expressions, self.counts_turns = dict.fromkeys(outputs, ""), counts_turns
+        super().__init__(outputs, counts_turns)
 
-    @checked
-    def ordered(self, outputs: Sequence[str]) -> LiveReference:
-        """The same for these outputs.
+    def _to_add(self, name: str) -> str:
+        return f"name {name} among its outputs"
 
-        Raises:
-            UnknownNameError: if it is for other outputs.
-        """
-        for name in {*self.expressions} ^ {*outputs}:
-            raise UnknownNameError("output", name, outputs)
-        return LiveReference(list(outputs), self.counts_turns)
+    def _of(self, outputs: tuple[str, ...]) -> LiveReference:
+        return LiveReference(outputs, self.counts_turns)
 
     def at(self, t: Any) -> Point:
         """Nothing is known before it is given.
@@ -49,21 +50,21 @@ class LiveReference(Reference):
         """
         raise SimulationError("a live reference is known when it is given", "give reference = (yr, yr1, yr2)")
 
+    def row(self, t: float) -> list[float]:
+        """As `at`."""
+        return self.at(t)  # type: ignore[return-value]
+
     def over(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """As `at`."""
         return self.at(times)  # type: ignore[return-value]
 
     def clock(self, times: Floats, lead: float = 0.0) -> Floats:
         """Rows [t, yr, yr', yr''] with a reference of zeros, (T, numbers)."""
-        return np.hstack([times[:, None], np.zeros((len(times), 3 * len(self.expressions)))])
+        return np.hstack([times[:, None], np.zeros((len(times), 3 * len(self.outputs)))])
 
-    def seen(self, clock: Any, lead: float = 0.0) -> tuple[Any, Point, Point]:
-        """Of a row of `clock` the time [s], the reference then, and the one `lead` [s] later."""
-        size = len(self.expressions)
-        y, rate, acceleration = (clock[1 + size * n : 1 + size * (n + 1)] for n in range(3))
-        now = Point(y, rate, acceleration, self.counts_turns)
-        later = y + lead * rate + 0.5 * lead * lead * acceleration, rate + lead * acceleration
-        return clock[0], now, Point(*later, acceleration, self.counts_turns) if lead else now
+    def _later(self, clock: Any, now: Point, lead: float) -> Point:
+        position = now.position + lead * now.velocity + 0.5 * lead * lead * now.acceleration
+        return Point(position, now.velocity + lead * now.acceleration, now.acceleration, self.counts_turns)
 
 
 class BufferState(Enum):
@@ -108,9 +109,11 @@ class ReferenceBuffer:
         """Add the setpoint of time t [s], later than all before; an acceleration that is not given is zero.
 
         Raises:
-            ShapeError: if a number is missing or not finite.
-            SimulationError: if t is not later than the last point, or the buffer is full of points yet to come.
+            ShapeError: if t is not a number, or what is given are no numbers.
+            SimulationError: if a number is missing or not finite, t is not later than the last point, or the buffer is
+                full of points yet to come.
         """
+        t = _seconds(t)
         zero = np.zeros(len(self.outputs))
         rows = [self._row(name, one) for name, one in (("yr", position), ("yr1", velocity))]
         rows.append(zero if acceleration is None else self._row("yr2", acceleration))
@@ -125,10 +128,15 @@ class ReferenceBuffer:
                 raise SimulationError(
                     f"{len(self._points)} setpoints are still to come", "push later, or give more room"
                 )
-            self._points.append((float(t), np.array(rows)))
+            self._points.append((t, np.array(rows)))
 
     def age(self, t: float) -> float:
-        """The time since the last point [s], negative while there are points to come; infinite if none has come."""
+        """The time since the last point [s], negative while there are points to come; infinite if none has come.
+
+        Raises:
+            ShapeError: if t is not a number.
+        """
+        t = _seconds(t)
         with self._lock:
             return t - self._points[-1][0] if self._points else inf
 
@@ -142,8 +150,12 @@ class ReferenceBuffer:
         """yr, yr', yr'' at time t [s], (n-m,) each.
 
         Raises:
-            SimulationError: if nothing has come yet, or t lies before what has been read.
+            ShapeError: if t is not a number.
+            SimulationError: if t is not finite, nothing has come yet, or t lies before what has been read.
         """
+        t = _seconds(t)
+        if not isfinite(t):
+            raise SimulationError(f"a reference at t = {t}", "give seconds")
         with self._lock:
             if not self._points:
                 raise SimulationError("no setpoint has come yet", "push one, and command nothing until then")
@@ -177,8 +189,25 @@ class ReferenceBuffer:
         self._state = BufferState.FRESH
         while len(self._points) > 2 and self._points[1][0] <= t:
             self._points.popleft()
-        (first, a), (second, b) = self._points[0], self._points[1]
-        return a if t < first else _between(a, b, second - first, t - first)
+        first, a = self._points[0]
+        if t <= first:
+            return a
+        second, b = self._points[1]
+        return _between(a, b, second - first, t - first)
+
+
+def _seconds(t: Any) -> float:
+    """A time [s] as a float.
+
+    Raises:
+        ShapeError: if it is not a number.
+    """
+    if type(t) is float:
+        return t
+    value = real_numbers("t", t, "give seconds as a number")
+    if value.ndim:
+        raise ShapeError(f"t has shape {value.shape}", "give seconds as a number")
+    return float(value)
 
 
 def _moved(row: Floats, passed: float) -> Floats:
@@ -188,16 +217,6 @@ def _moved(row: Floats, passed: float) -> Floats:
 
 def _between(a: Floats, b: Floats, step: float, passed: float) -> Floats:
     """yr, yr' and yr'' on the polynomial of degree 5 from setpoint a to b, `step` [s] later."""
-    s, T = passed / step, step
-    (y0, v0, a0), (y1, v1, a1) = a, b
-    gap, early, late = y1 - y0 - T * v0 - 0.5 * T * T * a0, T * (v1 - v0) - T * T * a0, T * T * (a1 - a0)
-    c3, c4, c5 = (
-        10.0 * gap - 4.0 * early + 0.5 * late,
-        -15.0 * gap + 7.0 * early - late,
-        6.0 * gap - 3.0 * early + 0.5 * late,
-    )
-    return np.array([
-        y0 + T * v0 * s + 0.5 * T * T * a0 * s**2 + c3 * s**3 + c4 * s**4 + c5 * s**5,
-        v0 + T * a0 * s + (3.0 * c3 * s**2 + 4.0 * c4 * s**3 + 5.0 * c5 * s**4) / T,
-        a0 + (6.0 * c3 * s + 12.0 * c4 * s**2 + 20.0 * c5 * s**3) / (T * T),
-    ])  # fmt: skip
+    y = joined(a, b, step)
+    rate = POWERS * y[:-1]
+    return np.array([horner(part, passed) for part in (y, rate, POWERS[1:] * rate[:-1])])

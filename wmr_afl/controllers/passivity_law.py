@@ -117,6 +117,7 @@ class PassivityLaw(Law):
         self.adapts = direct is not None or least_squares is not None
         self.knows_deviation = least_squares is not None
         self.limits_inputs = effort is not None and effort.limit is not None
+        self.learning = tuple(part.name for part in (direct, least_squares) if part is not None)
         self.error, self.effort = ErrorDynamics(rate), effort or Effort(len(model.input_units))
         self.reference_model = ReferenceModel(len(model.output_units), reference_rate)
         self.projection = projection or Projection(len(knowledge.theta_hat))

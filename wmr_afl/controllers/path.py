@@ -17,6 +17,7 @@ from wmr_afl.numerics.arrays import Floats
 FINE, FINEST = 20, 1000  # places between two points, and on the way to full speed, at which speed is found
 SPREAD = 0.2  # [s] over which acceleration changes unless told otherwise
 KNOT = 0.02  # [s] between points once the path has its times
+LONGEST = 1e5  # [s] that a drive may take
 STRAIGHT = 1e-12  # [1/m], curvature of what counts as straight
 
 
@@ -36,8 +37,8 @@ def along(
     outputs count as the plane of the path, in metres; others go along.
 
     Raises:
-        WmrError: if there are fewer than two points, two in a row are the same, something is not finite or a limit is
-            not positive.
+        WmrError: if there are fewer than two points, two in a row are the same, something is not finite, a limit is
+            not positive, or the drive takes longer than a day.
     """
     columns = columns_of(points)
     usual = acceleration / SPREAD
@@ -94,6 +95,8 @@ def _driven(length: Floats, most: Floats, acceleration: float, jerk: float) -> t
         square[i] = min(square[i], square[i + 1] + 2.0 * acceleration * pieces[i])
     speeds = np.sqrt(square)
     passed = np.concatenate([[0.0], np.cumsum(2.0 * pieces / (speeds[1:] + speeds[:-1]))])
+    if not passed[-1] + acceleration / jerk < LONGEST:
+        raise WmrError(f"the drive takes {passed[-1] + acceleration / jerk:.3g} s", "choose higher limits")
     times = np.linspace(0.0, passed[-1], max(2, int(np.ceil(passed[-1] / KNOT))) + 1)
     before = np.clip(np.searchsorted(passed, times, side="right") - 1, 0, len(pieces) - 1)
     since, gain = times - passed[before], (np.diff(square) / (2.0 * pieces))[before]

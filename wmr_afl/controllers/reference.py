@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,7 +78,7 @@ class PathTable(Through):
     jerk: Positive | None = None  # [m/s^3]
 
 
-class ReferenceTable(Table):
+class TrajectoryTable(Table):
     """One kind of trajectory: named, through points, or an expression of time `t` for every output."""
 
     circle: Circle | None = None
@@ -87,22 +87,54 @@ class ReferenceTable(Table):
     waypoints: WaypointsTable | None = None
     path: PathTable | None = None
     expressions: dict[str, str] | None = None
-    counts_turns: bool = False  # of outputs that are angles: an error of a whole turn counts
 
     @model_validator(mode="after")
-    def _one_kind(self) -> ReferenceTable:
+    def _one_kind(self) -> Self:
         if sum(kind is not None for kind in self.kinds().values()) != 1:
             raise FieldError("names no or several trajectories", f"give one of {', '.join(self.kinds())}")
         return self
 
-    @property
-    def through(self) -> Through | None:
-        """The points that it goes through, if it does."""
-        return self.waypoints or self.path
-
     def kinds(self) -> dict[str, Any]:
         """What may be given, one of them, by name."""
-        return {name: kind for name, kind in vars(self).items() if name != "counts_turns"}
+        return {name: kind for name, kind in vars(self).items() if name not in ("duration", "stop", "counts_turns")}
+
+    def with_points(self, read: Callable[[str], dict[str, list[float]]]) -> Self:
+        """The same with its points in it, which `read` reads from their file if they stand in one."""
+        named = {"waypoints": self.waypoints, "path": self.path}
+        inside = {
+            kind: through.model_copy(update={"file": None, "points": read(through.file)})
+            for kind, through in named.items()
+            if through is not None and through.file is not None
+        }
+        return self.model_copy(update=inside) if inside else self
+
+
+class PieceTable(TrajectoryTable):
+    """A trajectory in its own time from zero, and how long it lasts [s] unless it ends by itself."""
+
+    duration: Positive | None = None
+
+
+class ReferenceTable(TrajectoryTable):
+    """A trajectory, or several pieces in a row."""
+
+    pieces: Annotated[list[PieceTable], Field(min_length=1)] | None = None
+    stop: Positive | None = None  # [output units/s^2] behind the last piece, 1 unless given
+    counts_turns: bool = False  # of outputs that are angles: an error of a whole turn counts
+
+    @model_validator(mode="after")
+    def _stop_of_pieces(self) -> Self:
+        if self.stop is not None and self.pieces is None:
+            raise FieldError("stop means nothing without pieces", "remove it; that of waypoints stands among them")
+        return self
+
+    def with_points(self, read: Callable[[str], dict[str, list[float]]]) -> Self:
+        """The same with all its points in it, which `read` reads from their files if they stand in some."""
+        if self.pieces is None:
+            return super().with_points(read)
+        inside = [piece.with_points(read) for piece in self.pieces]
+        is_same = all(one is other for one, other in zip(inside, self.pieces, strict=True))
+        return self if is_same else self.model_copy(update={"pieces": inside})
 
 
 def circle(center: Sequence[float], radius: float, rate: float) -> list[str]:
@@ -133,33 +165,48 @@ class Point:
 class Reference(Fixed):
     """A trajectory of the outputs, one expression of time for each; derivatives are taken from the expressions.
 
-    An output that is an angle is compared modulo a turn, unless the reference `counts_turns`.
+    `outputs` are their names in its own order, `ordered` puts them in another one. An output that is an angle is
+    compared modulo a turn, unless the reference `counts_turns`.
 
     Raises:
         ExpressionError: if an expression is wrong.
     """
 
+    outputs: tuple[str, ...]
+    counts_turns: bool
+
     @checked
     def __init__(self, expressions: Mapping[str, str], counts_turns: bool = False) -> None:
-        self.expressions, self.counts_turns = dict(expressions), counts_turns
+        self.expressions, self.outputs, self.counts_turns = dict(expressions), tuple(expressions), counts_turns
         self._of_time = TimeFunction(list(expressions.values()), order=2)
+
+    @property
+    def duration(self) -> float | None:
+        """When it has come to its end [s]; None if it goes on for ever."""
+        return None
 
     @checked
     def ordered(self, outputs: Sequence[str]) -> Reference:
-        """The same trajectory with one expression for each of these outputs, in their order.
+        """The same trajectory of these outputs, in their order.
 
         Raises:
             UnknownNameError: if it names another output.
-            WmrError: if an output has no expression.
+            WmrError: if an output has no reference.
         """
-        for name in self.expressions:
+        for name in self.outputs:
             if name not in outputs:
                 raise UnknownNameError("output", name, outputs)
         for name in outputs:
-            if name not in self.expressions:
-                raise WmrError(f"output {name!r} has no reference", f'add {name} = "..."')
-        if list(self.expressions) == list(outputs):
-            return self
+            if name not in self.outputs:
+                raise WmrError(f"output {name!r} has no reference", self._to_add(name))
+        return self if self.outputs == tuple(outputs) else self._of(tuple(outputs))
+
+    def _to_add(self, name: str) -> str:
+        """The remedy where an output is missing."""
+        return f'add {name} = "..."'
+
+    def _of(self, outputs: tuple[str, ...]) -> Reference:
+        """The same trajectory with its outputs in this order."""
         return Reference({name: self.expressions[name] for name in outputs}, self.counts_turns)
 
     def clock(self, times: Floats, lead: float = 0.0) -> Floats:
@@ -176,10 +223,14 @@ class Reference(Fixed):
         position, velocity, acceleration = self._of_time(t)
         return Point(position, velocity, acceleration, self.counts_turns)
 
+    def row(self, t: float) -> list[float]:
+        """yr, yr', yr'' at time t [s], one after the other."""
+        return self._of_time.row(t)
+
     def over(self, times: ArrayLike) -> tuple[Floats, Floats, Floats]:
         """yr, yr', yr'' at all `times` (T,) [s], (T, n-m) each."""
         row = real_numbers("times", times, "give times [s]").reshape(1, -1)
         if not row.size:  # CasADi has no map over nothing
-            return (np.zeros((0, len(self.expressions))),) * 3
+            return (np.zeros((0, len(self.outputs))),) * 3
         position, velocity, acceleration = (part.full().T for part in self._of_time.function.map(row.shape[1])(row))
         return position, velocity, acceleration

@@ -74,6 +74,7 @@ class TrackingLaw(Law):
         self.reference_model = reference_model
         is_late = adaptation is not None and adaptation.is_late
         self.last = LastRegressor(len(model.output_units), len(knowledge.units)) if is_late else None
+        self.learning = () if self.last is None else (self.last.name,)
         self.sight = sight or Sight()
         self.observes, self.lead = self.sight.observer is not None, self.sight.lead
         self.measurement = self.sight.measurement

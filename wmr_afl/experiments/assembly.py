@@ -22,9 +22,10 @@ from wmr_afl.controllers.observer import Observer, ObserverTable
 from wmr_afl.controllers.outer_loop import OuterLoop
 from wmr_afl.controllers.passivity_law import Effort, PassivityLaw
 from wmr_afl.controllers.path import along
+from wmr_afl.controllers.pieces import Pieces
 from wmr_afl.controllers.pose_observer import Cancelling, PoseObserver
 from wmr_afl.controllers.projection import Projection
-from wmr_afl.controllers.reference import Reference, ReferenceTable
+from wmr_afl.controllers.reference import PathTable, Reference, ReferenceTable, TrajectoryTable, WaypointsTable
 from wmr_afl.controllers.reference_model import ReferenceModel
 from wmr_afl.controllers.robust_term import RobustTerm
 from wmr_afl.controllers.sight import Sight
@@ -113,42 +114,49 @@ class _Assembly:
             return Plant(model, self.parameters, start, simulation.integrator, uncertainties)
 
     def _reference(self, table: ReferenceTable) -> Reference:
+        if table.pieces is None:
+            return self._trajectory(table, table.counts_turns, "[reference.{}]")
+        pieces: list[Reference | tuple[Reference, float]] = []
+        for number, piece in enumerate(table.pieces, start=1):
+            one = self._trajectory(piece, table.counts_turns, f"[reference] pieces number {number} {{}}")
+            pieces.append(one if piece.duration is None else (one, piece.duration))
+        with self.at("[reference.pieces]"):
+            return Pieces(pieces) if table.stop is None else Pieces(pieces, table.stop)
+
+    def _trajectory(self, table: TrajectoryTable, counts_turns: bool, place: str) -> Reference:
+        """The reference of a table, whose points stand in it by now; `place` in the file, of any kind."""
         outputs = list(self.model.output_units)
-        if table.expressions is not None:
-            with self.at("[reference.expressions]"):
-                return Reference(table.expressions, table.counts_turns).ordered(outputs)
-        if table.through is not None:
-            return self._through(table)
         kind, given = next((kind, value) for kind, value in table.kinds().items() if value is not None)
-        expressions: list[str] = getattr(reference, kind)(**given.model_dump())
-        with self.at(f"[reference.{kind}]"):
+        with self.at(place.format(kind)):
+            if table.expressions is not None:
+                return Reference(table.expressions, counts_turns).ordered(outputs)
+            if table.waypoints is not None:
+                return self._waypoints(table.waypoints, counts_turns).ordered(outputs)
+            if table.path is not None:
+                return self._path(table.path, counts_turns)
+            expressions: list[str] = getattr(reference, kind)(**given.model_dump())
             if len(expressions) != len(outputs):
                 raise WmrError(
                     f"gives {len(expressions)} coordinates for {len(outputs)} outputs ({', '.join(outputs)})",
                     "write [reference.expressions]",
                 )
-            return Reference(dict(zip(outputs, expressions, strict=True)), table.counts_turns)
+            return Reference(dict(zip(outputs, expressions, strict=True)), counts_turns)
 
-    def _through(self, table: ReferenceTable) -> Reference:
-        """A reference through points, which stand in the table by now."""
-        with self.at(f"[reference.{'waypoints' if table.waypoints else 'path'}]"):
-            if table.waypoints is not None:
-                given = table.waypoints
-                columns = dict(given.points or {})
-                if "t" not in columns:
-                    raise WmrError("points have no times", "add a column t [s], or give a path instead")
-                times = columns.pop("t")
-                timed = Waypoints(times, columns, given.between, given.ends, given.stop, table.counts_turns)
-                return timed.ordered(list(self.model.output_units))
-            path = table.path
-            assert path is not None  # noqa: S101, one of the two
-            columns = {name: (path.points or {}).get(name, []) for name in self.model.output_units}
-            unknown = [name for name in path.points or {} if name not in columns]
-            if unknown:
-                raise UnknownNameError("output", unknown[0], list(columns))
-            return along(
-                columns, path.speed, path.acceleration, path.lateral, path.jerk, counts_turns=table.counts_turns
-            )
+    def _waypoints(self, table: WaypointsTable, counts_turns: bool) -> Waypoints:
+        columns = dict(table.points or {})
+        if "t" not in columns:
+            raise WmrError("points have no times", "add a column t [s], or give a path instead")
+        times = columns.pop("t")
+        return Waypoints(times, columns, table.between, table.ends, table.stop, counts_turns)
+
+    def _path(self, table: PathTable, counts_turns: bool) -> Waypoints:
+        given = table.points or {}
+        columns = {name: given.get(name, []) for name in self.model.output_units}
+        unknown = [name for name in given if name not in columns]
+        if unknown:
+            raise UnknownNameError("output", unknown[0], list(columns))
+        limits = table.speed, table.acceleration, table.lateral, table.jerk
+        return along(columns, *limits, counts_turns=counts_turns)
 
     def _law(self, name: str, table: ControllerTable) -> Law:
         def place(key: str) -> str:

@@ -121,15 +121,10 @@ def read_experiment(name: str | Path) -> tuple[Experiment, Path]:
 
 
 def with_points(experiment: Experiment, path: Path) -> Experiment:
-    """The experiment in `path` with the points of its reference in it, read from their file if they stand in one.
+    """The experiment in `path` with the points of its reference in it, read from their files if they stand in some.
 
     Raises:
         InputError: if the file cannot be read, or is no table of numbers.
     """
-    through = experiment.reference.through
-    if through is None or through.file is None:
-        return experiment
-    kind = "waypoints" if experiment.reference.waypoints is not None else "path"
-    columns = read_columns(path.parent / through.file)
-    inside = through.model_copy(update={"file": None, "points": columns})
-    return experiment.model_copy(update={"reference": experiment.reference.model_copy(update={kind: inside})})
+    reference = experiment.reference.with_points(lambda file: read_columns(path.parent / file))
+    return experiment if reference is experiment.reference else experiment.model_copy(update={"reference": reference})

@@ -69,8 +69,8 @@ def load_experiment(name: str | Path) -> Loaded:
     path = find_experiment(name)
     place, text = path.absolute(), _digest([path])
     experiment = _read(path, place, text)
-    through = experiment.reference.through
-    points = "" if through is None or through.file is None else repr(with_points(experiment, path).reference)
+    complete = with_points(experiment, path)
+    points = "" if complete is experiment else repr(complete.reference)
     return _assembled(path, place, text, points, _stamps(model_of(experiment, path)))
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from numpy.typing import ArrayLike
 
+from wmr_afl.controllers.reference import Reference
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.experiments.vary import Differences, vary
 from wmr_afl.numerics.arguments import checked, to_write
@@ -25,19 +27,23 @@ def run(
     backend: str = "auto",
     controllers: Iterable[str] | str | None = None,
     progress: Progress = lambda controller, done, total: None,
+    reference: Reference | None = None,
 ) -> dict[str, Run]:
     """Run every controller of an experiment, or those named, one after the other.
 
     `experiment`: the name of a shipped experiment or a TOML file; `backend`: "numpy" runs step by step, "casadi" traces
     the step once and runs it by CasADi's virtual machine, "compiled" as machine code, "auto" chooses the faster one of
-    these by the number of samples.
+    these by the number of samples. `reference` takes the place of the file's.
 
     Raises:
         InputError: if the file has a mistake.
-        UnknownNameError: if there is no such experiment, controller or backend.
+        UnknownNameError: if there is no such experiment, controller or backend, or the reference names another output.
+        WmrError: if an output has no reference.
     """
     loaded = load_experiment(experiment)
     duration, loops = loaded.experiment.simulation.duration, loaded.loops
+    if reference is not None:
+        loops = {name: replace(loop, reference=reference) for name, loop in loops.items()}
     chosen = [controllers] if isinstance(controllers, str) else list(() if controllers is None else controllers)
     chosen = [loaded.name(name) for name in chosen or loops]
     runs = {}

@@ -104,8 +104,12 @@ def _taken(value: Any, hint: Any) -> Any:
 def _words(hint: Any) -> str:
     """What may be given, in words."""
     options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    kinds = [get_origin(option) or option for option in options]
-    return " or ".join(_KINDS[kind][0] if kind in _KINDS else f"a {kind.__name__}" for kind in kinds)
+    return " or ".join(_word(get_origin(option) or option, get_args(option)) for option in options)
+
+
+def _word(kind: Any, inside: tuple[Any, ...]) -> str:
+    entries = f", each entry {_words(inside[0])}" if kind is Sequence and inside else ""
+    return f"{_KINDS[kind][0] if kind in _KINDS else f'a {kind.__name__}'}{entries}"
 
 
 def _number(value: Any, _: Any) -> Any:

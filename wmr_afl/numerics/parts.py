@@ -91,6 +91,10 @@ class Parts(Generic[AnyPart]):
     def __iter__(self) -> Iterator[AnyPart]:
         return iter(self._parts.values())
 
+    def items(self) -> Iterator[tuple[str, AnyPart]]:
+        """Each part after its name."""
+        return iter(self._parts.items())
+
     def faults(self, k: SimpleNamespace) -> Iterator[tuple[SimpleNamespace, Fault]]:
         """The faults of all parts, each after the numbers of its part."""
         return ((own, fault) for part, own in self.with_values(k) for fault in part.faults(own))

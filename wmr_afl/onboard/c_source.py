@@ -64,7 +64,8 @@ class Source:
     """The C of a sampled law.
 
     `prefix`: of all names; `is_single`: float instead of double; `is_tunable`: gains and bounds are an argument of each
-    step instead of being built in; `takes_clock`: a step is given a row of `Reference.clock` instead of a setpoint.
+    step instead of being built in; `takes_clock`: a step is given a row of `Reference.clock` instead of a setpoint;
+    `is_told`: and behind x what reached the motors.
     """
 
     sampled: SampledLaw
@@ -72,6 +73,7 @@ class Source:
     is_single: bool = False
     is_tunable: bool = False
     takes_clock: bool = False
+    is_told: bool = False
     origin: str = "a controller"  # what the text says of where it comes from
 
     @property
@@ -83,7 +85,7 @@ class Source:
     @functools.cached_property
     def step(self) -> ca.Function:
         """The step that is printed."""
-        return self.sampled.traced(self.is_tunable)
+        return self.sampled.traced(self.is_tunable, self.is_told)
 
     @functools.cached_property
     def compensated(self) -> dict[int, str]:
@@ -141,8 +143,9 @@ class Source:
         lines = [*program.robot, *program.time, *program.both]
         states = [Entry(f"{c_name(name)}{of}", about) for name, of, about in self._states()]
         measured = dict.fromkeys(self.sampled.measured, "") if law.measurement else model.state_units
+        applied = {f"applied_{name}": unit for name, unit in model.input_units.items()} if self.is_told else {}
         indices = [
-            ("X", "What is measured, x", units(measured)),
+            ("X", "What is measured, x", units({**measured, **applied})),
             ("Y", "The outputs y", units(model.output_units)),
             ("U", "The voltages u of the motors", units(model.input_units)),
             ("Z", "The state", states),

@@ -65,6 +65,8 @@ class Controller(Fixed):
     `drive`: what the robot's drive does to a command, such as limits and a delay: what has no memory is done to the
     voltages that are returned, and all of it is taken into account by a law that looks at the applied input.
 
+    With `hears_applied` each call may tell what reached the motors after the last one.
+
     One controller may be called from several threads; each call is done before the next begins.
 
     Raises:
@@ -82,6 +84,7 @@ class Controller(Fixed):
         sample_time: float,
         drive: Sequence[Uncertainty] = (),
         max_gap: float | None = None,
+        hears_applied: bool = False,
     ) -> None:
         self.sampled = sampled = SampledLaw(model, law, reference, sample_time, drive, max_gap)
         self.model, self.law, self.reference = model, law, sampled.reference
@@ -95,14 +98,19 @@ class Controller(Fixed):
         views: list[Any] = [memoryview(array) for array in (self._runner.dt, self._runner.x, self._runner.clock)]  # type: ignore[arg-type]
         self._dt, self._x, self._clock = views
         self._sample, self._u = self._runner.sample, self._runner.u
-        self._lock = threading.Lock()
+        self._told = _runner(sampled, is_told=True) if hears_applied else None
+        self._lock, self._learns = threading.Lock(), [True]
         self._last = [-inf, self.sample_time]  # time of the last sound update, and the step to it [s]
         self._seen: list[Any] = [Status.OK, None]  # status of the last call, and the age of its reference
 
     @classmethod
     @checked
     def from_experiment(
-        cls, experiment: str | Path, controller: str | None = None, is_live: bool = False
+        cls,
+        experiment: str | Path,
+        controller: str | None = None,
+        is_live: bool = False,
+        hears_applied: bool = False,
     ) -> Controller:
         """The controller of an experiment, the first unless named, with its reference, sample time and drive.
 
@@ -118,14 +126,23 @@ class Controller(Fixed):
         reference = loop.reference
         if is_live:
             reference = LiveReference(list(loop.model.output_units), reference.counts_turns)
-        return cls(loop.model, loop.law, reference, loop.sample_time, drive)
+        return cls(loop.model, loop.law, reference, loop.sample_time, drive, hears_applied=hears_applied)
 
-    def update(self, t: float, x: ArrayLike, reference: Setpoint | ReferenceBuffer | None = None) -> Floats:
+    def update(
+        self,
+        t: float,
+        x: ArrayLike,
+        reference: Setpoint | ReferenceBuffer | None = None,
+        applied: ArrayLike | None = None,
+    ) -> Floats:
         """The voltages (n_u,) at time t [s] for what is measured, x: entries as `measured` names them.
 
         These are the state (2n-m,), unless the controller's table says which entries, or rates of motors, are measured.
 
         `reference`: yr, yr', yr'' (n-m,) each of a `LiveReference`, or the `ReferenceBuffer` that gives them.
+
+        `applied`: the voltages (n_u,) that reached the motors after the last call, if that is known better than by what
+        the drive was said to do: what was learned from that sample is learned again with these.
 
         A second call at the same time is no new sample: for the same x it gives the same voltages, and changes nothing.
 
@@ -151,11 +168,65 @@ class Controller(Fixed):
             self._dt[0], self._clock[0] = step, time
             if wanted is not None:
                 self._runner.clock[1:], self._seen[1] = wanted
-            status = self._seen[0] = call()
+            is_usual = applied is None and self._learns[0]
+            status = self._seen[0] = call() if is_usual else self._attended(call, applied)
             if status:
                 raise SimulationError(*self._unsound(time, Status(status)))
             self._last[:] = time, step
             return self._u.copy()
+
+    def _attended(self, call: Callable[[], int], applied: ArrayLike | None) -> int:
+        """A sample before which the last one is corrected, or from which nothing is learned."""
+        kept, is_new = self._state.copy(), call is self._sample
+        if applied is not None and is_new:
+            self._correct(applied)
+        corrected, pauses = self._state.copy(), is_new and not self._learns[0]
+        if pauses:
+            self._state[self.sampled.silent] = 0.0
+        status = call()
+        if status:
+            self._state[:] = kept
+        elif pauses:
+            self._state[self.sampled.learned] = corrected[self.sampled.learned]
+        return status
+
+    def _correct(self, applied: ArrayLike) -> None:
+        """The states after the last sample, had `applied` reached the motors.
+
+        Raises:
+            ShapeError: if it does not fit.
+        """
+        if self._told is None:
+            raise SimulationError(
+                "the controller does not hear of applied voltages", "build it with hears_applied=True"
+            )
+        motors = list(self.model.input_units)
+        volts = real_numbers("applied", applied, f"give {len(motors)} voltages", kinds=MEASURED)
+        if volts.shape != (len(motors),) or not np.isfinite(volts).all():
+            raise ShapeError(f"applied is {shown(applied)}", f"expected ({len(motors)},) finite: {', '.join(motors)}")
+        if self._last[0] == -inf:  # nothing has been learned yet
+            return
+        told, last, measured = self._told, self._runner.last, 1 + len(self.measured)
+        told.state[:] = self._runner.before
+        told.now[:] = np.concatenate([last[:measured], volts, last[measured:]])
+        if told.sample() == Status.OK:
+            moves = slice(None) if self._learns[0] else ~self.sampled.learned
+            self._state[moves] = told.state[moves]
+
+    def pause_learning(self) -> None:
+        """From now on estimates stay, and data of the past is not joined to that of the future; the law goes on."""
+        with self._lock:
+            self._learns[0] = False
+
+    def resume_learning(self) -> None:
+        """Learn again from the next sample on."""
+        with self._lock:
+            self._learns[0] = True
+
+    @property
+    def is_learning(self) -> bool:
+        """Whether estimates move, where the law has any that do."""
+        return self.law.adapts and self._learns[0]
 
     def _converted(self, x: ArrayLike) -> Floats:
         """What is measured as numbers; of the whole state what is measured of it."""
@@ -282,7 +353,8 @@ class Controller(Fixed):
     def __reduce__(self) -> tuple[Callable[..., Controller], tuple[Any, ...]]:
         """A copy is a controller of its own, in the same state."""
         drive = list(self.sampled.drive)
-        built = (self.model, self.law, self.reference, self.sample_time, drive, self.max_gap)
+        hears_applied = self._told is not None
+        built = (self.model, self.law, self.reference, self.sample_time, drive, self.max_gap, hears_applied)
         return _restored, (built, self.state_dict(), tuple(self._last))
 
     def _step(self, time: float, passed: float) -> float:
@@ -316,12 +388,12 @@ class Controller(Fixed):
         return f"{when} the voltages, or the estimates after them, are not finite", UNSOUND
 
 
-def _runner(sampled: SampledLaw) -> Runner:
+def _runner(sampled: SampledLaw, is_told: bool = False) -> Runner:
     """Machine code if there is a compiler, else CasADi's virtual machine."""
     try:
-        return Compiled(sampled)
+        return Compiled(sampled, is_told)
     except CompilerError:
-        return Interpreted(sampled)
+        return Interpreted(sampled, is_told)
 
 
 def _seconds(t: Any) -> float:

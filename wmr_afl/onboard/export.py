@@ -19,6 +19,7 @@ from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.onboard.c_source import OWN, TEMPLATES, Source, decimal
 from wmr_afl.onboard.controller import Controller
+from wmr_afl.onboard.cosimulation import check_version, fmus, plant_name
 from wmr_afl.onboard.sampled_law import SampledLaw
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.kernels.c_printer import FUNCTIONS, Argument, Depends, Target, print_step
@@ -41,7 +42,7 @@ KEYWORDS = frozenset(  # of C
 def export(
     experiment: str | Path,
     controller: str | None = None,
-    out: str | Path = "controller",
+    out: str | Path | None = None,
     is_single: bool = False,
     prefix: str = "controller",
     is_tunable: bool = False,
@@ -49,12 +50,13 @@ def export(
     has_reference: bool = True,
     layout: str = "cmake",
     samples: int = SAMPLES,
-) -> dict[str, str]:
-    """Write the C99 of an experiment's controller, the first unless named, into the new folder `out`; return its files.
+    fmu: int | None = None,
+) -> dict[str, str | bytes]:
+    """The C99 of an experiment's controller, the first unless named, by file name; written to a new folder `out`.
 
     `is_single`: in single precision; `prefix`: of all names; `is_tunable`: gains and bounds are an argument of each
     step; `is_unlimited`: also if nothing limits the voltages; `has_reference`: with the experiment's own reference
-    besides the buffer.
+    besides the buffer; `fmu`: with FMUs of controller and robot, of this version of FMI.
 
     Raises:
         InputError: if the experiment has a mistake.
@@ -68,8 +70,9 @@ def export(
         raise UnknownNameError("layout", layout, LAYOUTS)
     if samples < 1:
         raise ArgumentError(f"{samples} samples to replay", "choose one or more")
-    folder = Path(out)
-    if folder.exists():
+    check_version(fmu)
+    folder = None if out is None else Path(out)
+    if folder is not None and folder.exists():
         raise WmrError(f"{folder} exists", "choose another folder, or remove this one")
     loaded = load_experiment(experiment)
     name = loaded.name(controller)
@@ -83,9 +86,13 @@ def export(
     origin = f'controller "{name}" of experiment {Path(experiment).stem}, written by wmr-afl'
     source = Source(sampled, prefix, is_single, is_tunable, origin=origin)
     replayed = vectors(loop, sampled, samples, is_single)
-    files = _files(source, loop.reference if has_reference else None, replayed, layout)
+    texts = _files(source, loop.reference if has_reference else None, replayed, layout, fmu)
+    files: dict[str, str | bytes] = {**texts}
+    if fmu is not None:
+        files |= fmus(source, loop, fmu, loaded.experiment.simulation.duration, texts)
     try:
-        write_folder(folder, files)
+        if folder is not None:
+            write_folder(folder, files)
     except OSError as error:
         raise WmrError(f"{folder} cannot be written ({error.strerror})", "choose another folder") from None
     return files
@@ -129,7 +136,9 @@ def _driven(loop: ClosedLoop, sampled: SampledLaw, times: Floats, inputs: Floats
     return np.array(rows)
 
 
-def _files(source: Source, reference: Reference | None, replayed: tuple[Floats, float], layout: str) -> dict[str, str]:
+def _files(
+    source: Source, reference: Reference | None, replayed: tuple[Floats, float], layout: str, fmu: int | None
+) -> dict[str, str]:
     """The files by name."""
     rows, tolerance = replayed
     P, context = source.prefix, source.context
@@ -144,6 +153,7 @@ def _files(source: Source, reference: Reference | None, replayed: tuple[Floats, 
         "sources": sources, "tolerance": f"{tolerance:.2g}", "half": literal(0.5),
         "micro": literal(1e-6), "real_of": lambda value: literal(float(value)), "limits": _limits(source.sampled),
         "seconds": source.sampled.sample_time, "longest": source.sampled.max_gap,
+        "fmu": fmu, "plant": plant_name(P),
         "functions": sorted(f"`{one}`" for one in _of_the_library(calls)),
     }  # fmt: skip
 
@@ -163,8 +173,26 @@ def _files(source: Source, reference: Reference | None, replayed: tuple[Floats, 
     if reference is not None:
         files |= {f"{P}_reference.{kind}": text(f"reference.{kind}.jinja") for kind in ("h", "c")}
     if layout == "platformio":
-        files["library.json"] = json.dumps(json.loads(text("library.json.jinja")), indent=2) + "\n"
+        files["library.json"] = json.dumps(_library(context), indent=2) + "\n"
     return files
+
+
+def _library(context: dict[str, Any]) -> dict[str, Any]:
+    """What PlatformIO and Arduino want to know of a library."""
+    return {
+        "name": context["P"],
+        "version": "1.0.0",
+        "description": f"{context['title']}: {context['origin']}",
+        "license": "MIT",
+        "frameworks": "*",
+        "platforms": "*",
+        "headers": f"{context['P']}.h",
+        "build": {
+            "flags": ["-ffp-contract=off", "-fno-math-errno"],
+            "srcFilter": ["+<*.c>", "-<main.c>"],
+            "srcDir": ".",
+        },
+    }
 
 
 def _reference(reference: Reference, source: Source) -> dict[str, Any]:

@@ -26,13 +26,28 @@ class Runner:
 
     state: Floats  # (states,)
     before: Floats  # the states before the last sample that was sound
-    dt: Floats  # [s] since the last sample, (1,)
-    x: Floats  # what is measured
-    clock: Floats  # time and reference
+    last: Floats  # of that sample [dt; x; clock]
+    now: Floats  # what a call is given, [dt; x; clock]
     u: Floats  # voltages
     told: dict[str, Floats]  # what a step tells, by name
+    sizes: tuple[int, ...]  # of dt, x and clock
     sample: Callable[[], int]
     same_sample: Callable[[], int]  # the last sample again, from where it was computed; nothing else changes
+
+    @property
+    def dt(self) -> Floats:
+        """[s] since the last sample, (1,)."""
+        return self.now[:1]
+
+    @property
+    def x(self) -> Floats:
+        """What is measured."""
+        return self.now[1 : 1 + self.sizes[1]]
+
+    @property
+    def clock(self) -> Floats:
+        """Time and reference."""
+        return self.now[1 + self.sizes[1] :]
 
     @property
     def saturated(self) -> list[int]:
@@ -52,15 +67,16 @@ class Compiled(Runner):
         CompilerError: if it cannot be built.
     """
 
-    def __init__(self, sampled: SampledLaw) -> None:
-        source = Source(sampled, takes_clock=True)
-        sizes = {"state": sampled.states.size, "before": sampled.states.size, "dt": 1, "x": len(sampled.measured)}
-        sizes |= {"clock": sampled.clock_size, "u": len(sampled.model.input_units)}
+    def __init__(self, sampled: SampledLaw, is_told: bool = False) -> None:
+        source = Source(sampled, takes_clock=True, is_told=is_told)
+        self.sizes = _sizes(sampled, is_told)
+        sizes = {"state": sampled.states.size, "before": sampled.states.size, "last": sum(self.sizes)}
+        sizes |= {"now": sum(self.sizes), "u": len(sampled.model.input_units)}
         told = {name: sampled.signals[name] for name in TOLD if name in sampled.signals}
         self._block = aligned((sum(sizes.values()) + sum(told.values()) + 1,))
         ends = np.cumsum([0, *sizes.values(), *told.values()])
         parts = [self._block[a:b] for a, b in pairwise(ends)]
-        self.state, self.before, self.dt, self.x, self.clock, self.u = parts[: len(sizes)]
+        self.state, self.before, self.last, self.now, self.u = parts[: len(sizes)]
         self.told = dict(zip(told, parts[len(sizes) :], strict=True))
         self._masks = self._block[-1:].view(np.uint32)
         self.state[:] = self.before[:] = sampled.start
@@ -81,21 +97,21 @@ class Compiled(Runner):
 class Interpreted(Runner):
     """The same on CasADi's virtual machine."""
 
-    def __init__(self, sampled: SampledLaw) -> None:
-        self.state, self.before = sampled.start, sampled.start
-        self.dt, self.x, self.clock = np.zeros(1), np.zeros(len(sampled.measured)), np.zeros(sampled.clock_size)
+    def __init__(self, sampled: SampledLaw, is_told: bool = False) -> None:
+        self.state, self.before, self.sizes = sampled.start, sampled.start, _sizes(sampled, is_told)
+        self.last, self.now = np.zeros(sum(self.sizes)), np.zeros(sum(self.sizes))
         self._after, self._signals = sampled.start, {name: np.zeros(size) for name, size in sampled.signals.items()}
         self.told = {name: np.zeros(size) for name, size in sampled.signals.items() if name in TOLD}
         self.u = np.zeros(sampled.signals["u"])
         self._from, self._sampled = sampled.start, sampled
         arguments = (self._from, self.clock, self.x, self.dt, np.zeros(0))
-        self._run = bind(sampled.traced(), arguments, (self._after, *self._signals.values()))
+        self._run = bind(sampled.traced(is_told=is_told), arguments, (self._after, *self._signals.values()))
         self.sample, self.same_sample = self._once, self._again
 
     def _once(self) -> int:
         status = self._step(self.state)
         if status == Status.OK:
-            self.before[:] = self.state
+            self.before[:], self.last[:] = self.state, self.now
             if self.dt[0] <= self._sampled.max_gap:
                 self.state[:] = self._after
             else:
@@ -146,6 +162,11 @@ class Interpreted(Runner):
     @property
     def at_bound(self) -> list[int]:
         return np.flatnonzero(self._signals["at_bound"]).tolist()
+
+
+def _sizes(sampled: SampledLaw, is_told: bool) -> tuple[int, int, int]:
+    """Of dt, x and clock."""
+    return 1, len(sampled.measured) + (sampled.signals["u"] if is_told else 0), sampled.clock_size
 
 
 def _bits(mask: int) -> list[int]:

@@ -6,6 +6,7 @@ import functools
 from collections.abc import Mapping, Sequence
 from math import inf
 from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -34,8 +35,8 @@ class SampledLaw(Fixed):
     gap of more than `max_gap` [s], ten sample times unless given, voltages are computed as ever, but the states stay as
     they are for that sample: nobody knows what happened in between.
 
-    `drive`: what the robot's drive does to a command, such as limits and a delay: what has no memory is done to the
-    voltages that are returned, and all of it is taken into account by a law that looks at the applied input.
+    `drive`: what the robot's drive does to a command, such as limits and a delay: limits, and what has no memory, are
+    done to the voltages that are returned; all of it is taken into account by a law that looks at the applied input.
 
     Raises:
         UnknownNameError: if the reference names another output.
@@ -77,6 +78,24 @@ class SampledLaw(Fixed):
         """Entries of the states that are zero for a part that begins again."""
         return [place.start for name, place in self.states.places.items() if _runs(name)]
 
+    @functools.cached_property
+    def learned(self) -> Any:
+        """Of each entry of the states whether it is an estimate, or of a part that serves nothing else, (states,)."""
+        found = np.zeros(self.states.size, dtype=bool)
+        for name, place in self.states.places.items():
+            found[place] = name == "theta_hat" or name.partition(".")[0] in self.law.learning
+        return found
+
+    @functools.cached_property
+    def silent(self) -> list[int]:
+        """Entries of the states that are zero if nothing is to be learned from a sample: flags, and parts without."""
+        found: list[slice] = []
+        for name in self.law.learning:
+            own = {key: place for key, place in self.states.places.items() if key.startswith(f"{name}.")}
+            flag = own.get(f"{name}.is_running")
+            found += own.values() if flag is None else [flag]
+        return [entry for place in found for entry in range(place.start, place.stop)]
+
     @property
     def start(self) -> Floats:
         """The states at the start, flat."""
@@ -108,10 +127,18 @@ class SampledLaw(Fixed):
         }
 
     def step(
-        self, clock: Array, x: Array, passed: Array, z: Mapping[str, Array], k: SimpleNamespace, model: Model
+        self,
+        clock: Array,
+        x: Array,
+        passed: Array,
+        z: Mapping[str, Array],
+        k: SimpleNamespace,
+        model: Model,
+        applied: Array | None = None,
     ) -> tuple[dict[str, Array], dict[str, Array]]:
         """The next states and the signals now, for states `z` by name and `passed` [s] since the last sample.
 
+        `applied`: what is known to have reached the motors; otherwise that is what the drive makes of the command.
         After a gap the next states are not to be used: the states stay, but `flags` become zero.
         """
         arrays = model.arrays
@@ -121,7 +148,13 @@ class SampledLaw(Fixed):
         begins = {name: is_gap if _watches(name) else is_late for name in z if _compares(name)}
         seen = by_part({**z, **{name: arrays.where(begin, 0.0, z[name]) for name, begin in begins.items()}})
         action, _, following = self.law.sample(
-            x, wanted, lambda u: self._applied(u, seen, k, model), seen, k, model, moves
+            x,
+            wanted,
+            lambda u: self._applied(u, seen, k, model) if applied is None else applied,
+            seen,
+            k,
+            model,
+            moves,
         )
         following |= self._drive_after(action.input, seen, k, model)
         known = action.memory
@@ -137,20 +170,23 @@ class SampledLaw(Fixed):
             signals |= {"observed": known["view"].now, "surprise": arrays.vector([known["view"].surprise])}
         return following, signals
 
-    def traced(self, is_tunable: bool = False) -> ca.Function:
+    def traced(self, is_tunable: bool = False, is_told: bool = False) -> ca.Function:
         """(states, clock, x, [passed], values) -> (next states, each of the signals), all flat columns.
 
-        The values are built in, and the last argument is empty, unless it `is_tunable`.
+        The values are built in, and the last argument is empty, unless it `is_tunable`. If it `is_told`, what reached
+        the motors stands behind x.
         """
         model, values = self.model.in_library("casadi"), Layout(self.values)
         flat, clock = ca.SX.sym("states", self.states.size), ca.SX.sym("clock", self.clock_size)
-        x, passed = ca.SX.sym("x", len(self.measured)), ca.SX.sym("passed")
+        size, inputs = len(self.measured), self.signals["u"] if is_told else 0
+        x, passed = ca.SX.sym("x", size + inputs), ca.SX.sym("passed")
+        applied = x[size:] if is_told else None
         numbers = ca.SX.sym("values", values.size if is_tunable else 0)
         k = by_part({name: ca.DM(value) for name, value in self.values.items()})
         if is_tunable:
             k = values.unpack_symbols(numbers)
         z = {name: self.states.symbols(flat, name) for name in self.states.shapes}
-        following, signals = self.step(clock, x, passed, z, k, model)
+        following, signals = self.step(clock, x[:size], passed, z, k, model, applied)
         results = [self.states.pack_symbols(following), *(signals[name] for name in self.signals)]
         results = ca.cse([ca.densify(ca.SX(one)) for one in results])
         names = ["states", "clock", "x", "passed", "values"], ["next", *self.signals]
@@ -161,7 +197,8 @@ class SampledLaw(Fixed):
     ) -> Array:
         """What reaches the motors of a command, of all of the drive or of what has no memory."""
         for _, part, state, own in self.drive.with_states(z, k):
-            u = part.applied(u, state, own, model.arrays) if with_memory or not part.states else u
+            is_here = with_memory or part.limits_inputs or not part.states
+            u = part.applied(u, state, own, model.arrays) if is_here else u
         return u
 
     def _drive_after(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, model: Model) -> dict[str, Array]:

@@ -78,6 +78,16 @@ class Friction(Uncertainty):
             ),
         )
 
+    def entries(self, model: Model) -> dict[str, dict[str, str]]:
+        velocities = list(model.state_units.values())[model.coordinate_count :]
+        of_velocities = self.is_literal or not self.place.on_wheels
+        coulomb, viscous = dict[str, str](), dict[str, str]()
+        for i, channel in enumerate(self.place.channels):
+            is_along = of_velocities and velocities[i] == "m/s"
+            coulomb[channel] = "N" if is_along and not self.place.on_wheels else "N m"
+            viscous[channel] = f"{coulomb[channel]} s/{'m' if is_along else 'rad'}"
+        return {"viscous": viscous, "coulomb": coulomb}
+
     def load(self, t: Array, x: Array, p: Array, k: SimpleNamespace, model: Model) -> Array:
         q, v = x[: model.coordinate_count], x[model.coordinate_count :]
         if self.is_literal:

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault
 from wmr_afl.numerics.vectors import per_entry, told
@@ -49,6 +50,9 @@ class InputLimits(Uncertainty):
             np.any(k.volts <= 0, axis=-1),
             lambda k: (f"the input limit is {told(k.volts)}", "choose a positive voltage"),
         )
+
+    def entries(self, model: Model) -> dict[str, dict[str, str]]:
+        return {"volts": model.input_units}
 
     def applied(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> Array:
         return arrays.minimum(arrays.maximum(u, -k.volts), k.volts)

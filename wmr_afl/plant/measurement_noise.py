@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Arrays, Floats
 from wmr_afl.numerics.parts import Fault
 from wmr_afl.numerics.vectors import by_name, per_entry, told
@@ -52,6 +53,9 @@ class MeasurementNoise(Uncertainty):
             np.any(k.deviation < 0, axis=-1),
             lambda k: (f"the noise deviation is {told(k.deviation)}", "choose zero or more"),
         )
+
+    def entries(self, model: Model) -> dict[str, dict[str, str]]:
+        return {"deviation": model.state_units}
 
     def measured(self, x: Array, sample: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
         return x + k.deviation * sample

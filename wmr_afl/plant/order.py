@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.parts import prefixed
 from wmr_afl.numerics.rules import Rule, Rules
+from wmr_afl.plant.command_limits import CommandLimitsTable
 from wmr_afl.plant.disturbance import DisturbanceTable
 from wmr_afl.plant.friction import FrictionTable
 from wmr_afl.plant.input_delay import InputDelayTable
@@ -29,6 +30,7 @@ class UncertaintiesTable(Table):
     """
 
     measurement_noise: MeasurementNoiseTable | None = None
+    command_limits: CommandLimitsTable | None = None
     input_delay: InputDelayTable | None = None
     input_limits: InputLimitsTable | None = None
     friction: FrictionTable | None = None

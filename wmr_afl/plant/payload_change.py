@@ -58,5 +58,8 @@ class PayloadChange(Uncertainty):
     def values(self) -> dict[str, Floats]:
         return {"time": self.time, "parameters": self.loaded}
 
+    def entries(self, model: Model) -> dict[str, dict[str, str]]:
+        return {"time": {"": "s"}, "parameters": model.parameter_units}
+
     def parameters(self, t: Array, p: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
         return arrays.where(t >= k.time[0], k.parameters, p)

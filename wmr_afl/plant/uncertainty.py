@@ -69,6 +69,10 @@ class Uncertainty(Part):
     limits_inputs: ClassVar[bool] = False  # it bounds what leaves it, whatever comes in
     is_of_drive: ClassVar[bool] = False  # it changes commands as a drive does, which a real-time controller may know
 
+    def entries(self, model: Model) -> dict[str, dict[str, str]]:
+        """Of its numbers, by name, what their entries are called and in which units they are; one alone has no name."""
+        return {}
+
     def measured(self, x: Array, sample: Array, k: SimpleNamespace, arrays: Arrays) -> Array:
         """The state that is seen while it is x, (2n-m,); `sample` are its standard normal numbers (samples,)."""
         return x

@@ -60,7 +60,7 @@ def test_where_motors_have_less_is_told_with_the_times(tmp_path: Path) -> None:
 
 
 def test_a_jump_is_told_with_its_time(tmp_path: Path) -> None:
-    """Of the reference, and of its velocity; a smooth one that turns sharply is none."""
+    """Of the reference, and of its velocity; that of an acceleration is none, nor a smooth one that turns sharply."""
     step = 'expressions = { y1 = "0.3*t + 0.2*step(t - 4)", y2 = "0" }'
     jumps = [doubt for doubt in demanded(tmp_path, step).doubts if "the reference jumps" in doubt.what]
     assert [doubt.first for doubt in jumps] == [pytest.approx(4.0, abs=0.03)]
@@ -70,6 +70,8 @@ def test_a_jump_is_told_with_its_time(tmp_path: Path) -> None:
     assert any(
         "velocity of the reference jumps by 0.5" in doubt.what and abs(doubt.first - 3.0) < 0.05 for doubt in found
     )
+    bend = 'expressions = { y1 = "0.3*t + 2*(t - 4)**2*step(t - 4)", y2 = "0" }'
+    assert not [doubt for doubt in demanded(tmp_path, bend).doubts if "jumps" in doubt.what]
     smooth = 'expressions = { y1 = "0.3*t", y2 = "0.2*sin(2*t)" }'
     assert not [doubt for doubt in demanded(tmp_path, smooth).doubts if "jumps" in doubt.what]
 

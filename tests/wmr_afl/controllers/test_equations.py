@@ -22,6 +22,7 @@ from wmr_afl.controllers import (
     TrackingLaw,
 )
 from wmr_afl.controllers.adaptation import AdaptationTable, relative_gain
+from wmr_afl.controllers.dead_zone import DeadZone
 from wmr_afl.controllers.groups import Group, groups_of
 from wmr_afl.controllers.law import Action
 from wmr_afl.controllers.outer_loop import OuterLoopTable, TrackingError, tracking_error
@@ -227,6 +228,20 @@ def test_the_estimates_follow_the_gradient_then_normalization_then_leakage(dense
     np.testing.assert_allclose(one.update(W, E1, theta, k, NUMPY, 0.1), theta + 0.1 * rate, rtol=1e-13)
 
 
+def test_errors_within_the_dead_zone_teach_nothing(random) -> None:
+    """Beyond it the estimates move as without; leakage acts in it, too, for it comes after."""
+    W, theta = random.normal(size=(2, 3)), random.normal(size=3)
+    for setting in ({}, {"leakage": 0.2}):
+        table = AdaptationTable(gain=1.0, dead_zone=0.5, **setting)
+        modifications = table.modifications(["theta1", "theta2", "theta3"])
+        free = GradientAdaptation(3, 1.0, [part for part in modifications if not isinstance(part, DeadZone)])
+        one = GradientAdaptation(3, 1.0, modifications)
+        k = by_part({f"{part.name}.{name}": value for part in one.parts for name, value in part.values.items()})
+        for E1, counts in (([0.3, 0.39], 0.0), ([0.3, 0.41], 1.0), ([-0.6, 0.0], 1.0)):
+            expected = free.update(W, counts * np.array(E1), theta, k, NUMPY, 0.1)
+            np.testing.assert_array_equal(one.update(W, np.array(E1), theta, k, NUMPY, 0.1), expected)
+
+
 def test_the_projection_acts_on_the_estimate_after_its_step(random) -> None:
     """theta_hat is the nearest one within the bounds, whichever bound there is."""
     W, E1 = np.eye(2), np.array([10.0, -10.0])
@@ -284,6 +299,7 @@ def test_leakage_by_name_is_zero_where_no_name_stands() -> None:
         (AdaptationTable, {}, "names no or two gains"),
         (AdaptationTable, {"gain": 1.0, "relative_gain": 1.0}, "names no or two gains"),
         (AdaptationTable, {"gain": 1.0, "normalization": 0.0}, "normalization"),
+        (AdaptationTable, {"gain": 1.0, "dead_zone": 0.0}, "dead_zone"),
         (ProjectionTable, {"relative": 0.5, "lower": 0.1}, "relative and absolute"),
         (ProjectionTable, {"relative": 0.5, "upper": 0.1}, "relative and absolute"),
         (RobustTable, {"gamma": 0.0}, "gamma"),

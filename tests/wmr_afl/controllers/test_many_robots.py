@@ -15,6 +15,7 @@ from wmr_afl.controllers import (
     Projection,
     RobustTerm,
 )
+from wmr_afl.controllers.dead_zone import DeadZone
 from wmr_afl.controllers.outer_loop import tracking_error, within_half_a_turn
 from wmr_afl.controllers.reference import Point, Reference, ReferenceTable
 from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
@@ -42,6 +43,7 @@ ROBOTS: dict[str, tuple[Part, dict[str, list[Any]]]] = {
         {"Gamma": [EYE + 0.1, [[1, 0.5], [0.4, 1]], [[1, 2], [2, 1]], -EYE, [[0, 0], [0, 1]]]},
     ),
     "leakage": (Leakage(2, 0.1), {"Sigma": [[0, 0.1], [0.1, -0.1]]}),
+    "dead zone": (DeadZone(1.0), {"size": [[0.5], [0.0], [-1], [np.inf], [np.nan]]}),
     "normalization": (Normalization(1.0), {"weight": [[0.5], [0.0], [-1], [np.inf], [np.nan]]}),
     "projection": (Projection(2, -1.0, 1.0), {"lower": [[0, 0], [0, 2], [0, 0]], "upper": [[1, 1], [1, 1], [1, 0]]}),
     "lower bounds alone": (Projection(2, lower=-1.0), {"lower": [[0, 0], [0, np.inf]]}),

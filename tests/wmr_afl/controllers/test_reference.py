@@ -1,5 +1,8 @@
 """References are what they say, and their derivatives are theirs."""
 
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -36,11 +39,31 @@ def test_one_time_many_times_and_symbols_agree(reference: Reference) -> None:
     traced = ca.Function("f", [t], [point.position, point.velocity, point.acceleration])
     for row, time in enumerate(times):
         one = reference.at(time)
+        np.testing.assert_array_equal(reference.row(time), np.ravel([one.position, one.velocity, one.acceleration]))
         for part, many, symbolic in zip(
             (one.position, one.velocity, one.acceleration), over, traced(time), strict=True
         ):
             np.testing.assert_array_equal(part, many[row])
             np.testing.assert_array_equal(symbolic.full()[:, 0], many[row])
+
+
+def test_a_row_is_that_of_its_time_in_any_thread() -> None:
+    """Four threads ask one reference, each for other times; a copy has numbers of its own."""
+    reference = Reference({"y1": "t", "y2": "2 + 3*t"})
+    copy = pickle.loads(pickle.dumps(reference))  # noqa: S301, our own
+
+    def ask(begin: int) -> bool:
+        times = [begin + 1e-3 * n for n in range(5000)]
+        return all(one.row(t) == [t, 2 + 3 * t, 1.0, 3.0, 0.0, 0.0] for t in times for one in (reference, copy))
+
+    with ThreadPoolExecutor(4) as pool:
+        assert all(pool.map(ask, range(4)))
+
+
+def test_a_reference_names_its_outputs_in_its_order() -> None:
+    assert Reference({"b": "t", "a": "2"}).outputs == ("b", "a")
+    assert Reference({"b": "t", "a": "2"}).ordered(["a", "b"]).outputs == ("a", "b")
+    assert Reference({"b": "t"}).duration is None
 
 
 def test_the_papers_circle_and_eight() -> None:

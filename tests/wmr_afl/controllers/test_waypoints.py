@@ -138,6 +138,15 @@ def test_jerk_spreads_acceleration() -> None:
     assert steepest[1] > 5.0
 
 
+@pytest.mark.parametrize("between", BETWEEN)
+def test_two_points_with_free_ends_are_a_straight_line(between: Between) -> None:
+    reference = Waypoints([1.0, 3.0], {"y1": [0.0, 4.0], "y2": [1.0, 0.0]}, between, "free", stop=1e3)
+    position, velocity, acceleration = reference.over([1.5, 2.9])
+    np.testing.assert_allclose(position, [[1.0, 0.75], [3.8, 0.05]], rtol=1e-12)
+    np.testing.assert_allclose(velocity, [[2.0, -0.5]] * 2, rtol=1e-12)
+    np.testing.assert_allclose(acceleration, 0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("build", "words"),
     [
@@ -149,6 +158,13 @@ def test_jerk_spreads_acceleration() -> None:
         (lambda: Waypoints([0.0, 1.0], {"y1": [1.0]}), "1 values of y1 for 2 points"),
         (lambda: Waypoints([0.0, 1.0], {}), "no output has values"),
         (lambda: Waypoints([0.0, 1.0], {"y1": [1.0, 2.0]}, stop=0.0), "choose a positive deceleration"),
+        (lambda: Waypoints([0.0, 1.0], {"y1": [1.0, 2.0]}, ends="loose"), "unknown kind of ends 'loose'"),
+        (
+            lambda: Waypoints([0.0, 1.0], {"y1": [1.0, 2.0]}, "linear"),
+            "unknown spline 'linear'; there is quintic, cubic",
+        ),
+        (lambda: along({"y1": [0.0, 1.0]}, 1.0, 1e-12), "s; choose higher limits"),
+        (lambda: along({"y1": [0.0, 1.0]}, 1.0, 1.0, jerk=1e-9), "the drive takes 1e+09 s"),
         (lambda: along({"y1": [0.0, 0.0], "y2": [1.0, 1.0]}, 1.0, 1.0), "points 1 and 2 are the same"),
         (lambda: along({"y1": [0.0, 1.0]}, 0.0, 1.0), "speed is 0; choose a positive limit"),
         (lambda: along({"y1": [0.0, 1.0]}, 1.0, 1.0, lateral=-1.0), "lateral is -1"),
@@ -166,7 +182,7 @@ def experiment(robot: str, folder: Path, reference: str, more: str = "") -> Path
     text = find_experiment(f"track_{robot}").read_text()
     begin, end = text.index("[reference"), text.index("[simulation]")
     text = text[:begin] + reference + "\n\n" + text[end:]
-    begin = text.index("duration = ")
+    begin = text.index("duration = ", text.index("[simulation]"))
     text = text[:begin] + "duration = 8.0\n" + text[text.index("\n", begin) :]
     shared = text.index("[shared]")
     file = folder / "points.toml"
@@ -177,7 +193,7 @@ def experiment(robot: str, folder: Path, reference: str, more: str = "") -> Path
 def track(robot: str, times: Floats) -> tuple[list[str], Floats]:
     """Names of the outputs, and the shipped reference's values at some times."""
     reference = next(iter(load_experiment(f"track_{robot}").loops.values())).reference
-    return list(reference.expressions), reference.over(times)[0]
+    return list(reference.outputs), reference.over(times)[0]
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

@@ -37,7 +37,7 @@ KINDS: dict[str, tuple[Any, list[Any], list[Any], str]] = {  # annotation -> wha
     "a truth value": (bool, [True, 0, "yes", None], [np.ones(2)], "True or False"),
     "a function": (Callable[[int], None], [print, int], ["print", None], "a function"),
     "names": (Iterable[str] | str | None, [["a"], ("a",), "a", {"a": 1}, None], [3, [3], np.ones(2)], "a list or text"),
-    "objects": (Sequence[Path], [[Path("a")], (), []], [["a"], 3, None], "a list"),
+    "objects": (Sequence[Path], [[Path("a")], (), []], [["a"], 3, None], "a list, each entry a path"),
     "a table": (
         Mapping[str, ArrayLike] | None,
         [{"a": [1]}, {}, None],

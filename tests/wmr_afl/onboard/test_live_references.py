@@ -186,6 +186,42 @@ def test_a_full_buffer_says_so_and_time_does_not_go_back() -> None:
             ReferenceBuffer(["y1"], **wrong)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize("t", ["a", None, [1.0], np.nan, 1j])
+def test_a_time_is_a_number(t: object) -> None:
+    buffer = ReferenceBuffer(["y1"])
+    buffer.push(1.0, [2.0], [0.0])
+    asked = [lambda: buffer.at(t), lambda: buffer.push(t, [2.0], [0.0])]  # type: ignore[arg-type]
+    if t is not np.nan:
+        asked.append(lambda: buffer.age(t))  # type: ignore[arg-type, return-value]
+    for act in asked:
+        with pytest.raises(WmrError, match="give seconds"):
+            act()
+    assert buffer.at(np.float64(1.0))[0] == buffer.at(1)[0] == 2.0  # type: ignore[arg-type]
+
+
+def test_outputs_are_named_once_and_in_any_order() -> None:
+    live = LiveReference(["y1", "y2"], counts_turns=True)
+    assert live.ordered(["y2", "y1"]).outputs == ("y2", "y1")
+    assert live.ordered(["y2", "y1"]).counts_turns
+    assert live.ordered(["y1", "y2"]) is live
+    with pytest.raises(WmrError, match="output 'y3' has no reference; name y3 among its outputs"):
+        live.ordered(["y1", "y2", "y3"])
+    for wrong in ([], ["y1", "y1"]):
+        with pytest.raises(WmrError, match="name each once"):
+            LiveReference(wrong)
+
+
+def test_what_is_given_live_goes_on_with_its_acceleration_held() -> None:
+    """For a law that looks ahead."""
+    clock = np.array([1.0, 2.0, 3.0, 0.5, -0.5, 4.0, -2.0])
+    t, now, ahead = LiveReference(["y1", "y2"]).seen(clock, 0.1)
+    assert t == 1.0
+    np.testing.assert_array_equal([now.position, now.velocity, now.acceleration], clock[1:].reshape(3, 2))
+    np.testing.assert_allclose(ahead.position, [2.0 + 0.05 + 0.02, 3.0 - 0.05 - 0.01], rtol=1e-12)
+    np.testing.assert_allclose(ahead.velocity, [0.9, -0.7], rtol=1e-12)
+    np.testing.assert_array_equal(ahead.acceleration, [4.0, -2.0])
+
+
 def test_one_thread_pushes_while_another_reads() -> None:
     """Every value lies on the line that is pushed."""
     buffer = ReferenceBuffer(["y1"], timeout=1e6, room=100_000)

@@ -15,7 +15,7 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -39,6 +39,8 @@ FLAGS = (
         else ("-mcpu=native",)
     ),
 )
+# For other processors of the same kind, and with the same bits on each of them.
+PORTABLE = ("-O2", "-std=c99", "-fPIC", "-shared", "-w", "-fvisibility=hidden", "-ffp-contract=off", "-fno-math-errno")
 UNFUSED = ("-ffp-contract=off",)  # overrides the flag before
 ELSE = "run with backend casadi"  # the remedy that always works
 PATIENCE = 60.0  # [s] for the compiler; the largest loops of the benchmarks take 5 s
@@ -100,6 +102,32 @@ def library(text: str, is_fused: bool = True) -> ctypes.CDLL:
         if path.is_file() or path.is_symlink():
             path.unlink(missing_ok=True)
     return _loaded(_build(text, folder, key, flags))
+
+
+def portable_library(sources: Mapping[str, str]) -> bytes:
+    """A shared library of C99, file by file, for every processor of this kind; the same bytes every time.
+
+    Raises:
+        CompilerError: if there is no compiler, or it fails.
+    """
+    command = _needed_compiler()
+    with tempfile.TemporaryDirectory(prefix="wmr-afl-") as place:
+        for name, text in sources.items():
+            Path(place, name).write_text(text, encoding="utf-8")
+        files = [name for name in sources if name.endswith(".c")]
+        try:
+            done = _output([*command, *PORTABLE, "-o", "built", *files, "-lm"], place)
+        except OSError as error:
+            raise CompilerError(f"{command[0]} cannot be run ({error.strerror})", ELSE) from None
+        built = Path(place, "built")
+        if done.returncode or not built.exists():
+            raise CompilerError(f"{command[0]} failed ({_first_line(done)})", ELSE)
+        return built.read_bytes()
+
+
+def _first_line(done: subprocess.CompletedProcess[str]) -> str:
+    """What a command that failed says first."""
+    return (done.stderr.splitlines() or [f"exit status {done.returncode}, no message"])[0]
 
 
 def _loaded(path: Path) -> ctypes.CDLL:
@@ -192,7 +220,7 @@ def _prune(folder: Path) -> None:
                 path.unlink(missing_ok=True)
 
 
-def _output(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
+def _output(command: Sequence[str], folder: str | None = None) -> subprocess.CompletedProcess[str]:
     """What a command prints; it and all that it has started are stopped if it takes too long.
 
     Raises:
@@ -201,7 +229,7 @@ def _output(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
     """
     process = subprocess.Popen(  # noqa: S603
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace",
-        start_new_session=True,
+        cwd=folder, start_new_session=True,
     )  # fmt: skip
     try:
         output, errors = process.communicate(timeout=PATIENCE)
@@ -229,8 +257,7 @@ def _build(text: str, folder: Path, key: str, flags: Sequence[str]) -> Path:
             source.write_text(text, encoding="utf-8")
             done = _output([*command, *flags, "-o", str(built), str(source), "-lm"])
             if done.returncode or not built.exists():
-                first = (done.stderr.splitlines() or [f"exit status {done.returncode}, no message"])[0]
-                raise CompilerError(f"{command[0]} failed on the closed loop ({first})", ELSE)
+                raise CompilerError(f"{command[0]} failed on the closed loop ({_first_line(done)})", ELSE)
             path = folder / f"{key}-{_digest(built.read_bytes())}.so"
             os.replace(built, path)
     except OSError as error:

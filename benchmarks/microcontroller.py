@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.exported import STRICT
+
 BOARD = Path(__file__).parents[1] / "examples" / "microcontroller" / "board"
 SHIFT = 6  # an instruction lasts 2^6 ns in QEMU, so that a step has less than 10 million
 PATIENCE = 300.0  # [s] for anything that is run
@@ -17,10 +19,6 @@ PACKAGES = {  # of Debian and Ubuntu, by a program in them
     "arm-none-eabi-gcc": ("gcc-arm-none-eabi", "libnewlib-arm-none-eabi"),
     "qemu-system-arm": ("qemu-system-arm",),
 }
-STRICT = (
-    *("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-Wconversion", "-Wdouble-promotion", "-Wshadow"),
-    *("-Wstrict-prototypes", "-Wmissing-prototypes", "-O2", "-ffp-contract=off", "-fno-math-errno"),
-)
 SECTIONS = ("-ffunction-sections", "-fdata-sections")  # what is not called is not linked
 
 

@@ -26,6 +26,7 @@ ALONE = {
     "disturbance on wheels": 'disturbance = { expression = "0.2*step(t - 1)", on = "wheels" }',
     "noise": "measurement_noise = { deviation = 0.001, seed = 3 }",
     "limits": "input_limits = { volts = 3.0 }",
+    "limits of commands": "command_limits = { most = 3.0, least = -2.0, keeps_direction = true }",
     "delay": "input_delay = { seconds = 0.04 }",
     "slip": 'lateral_slip = { speed = "0.1*(step(t - 1) - step(t - 2))" }',
     "slip of wheels": 'wheel_slip = { right = { sideways = "0.1*step(t - 1)" }, left = { along = "t*step(t - 2)" } }',

@@ -77,6 +77,9 @@ def main() -> None:
     options.add_argument("--seconds", type=float, default=10.0, help="how long the planner sends setpoints")
     options.add_argument("--log", type=Path, default=Path("log.csv"), help="where the log is written")
     chosen = options.parse_args()
+    if not 0.1 <= chosen.seconds <= 3600.0:
+        options.error("--seconds must be from 0.1 to 3600")
+    chosen.log.touch()  # what cannot be written is told before anything moves
 
     loop = wmr_afl.Controller.from_experiment("study_1_laws", "composite", is_live=True)
     live = wmr_afl.LiveReference(["y1", "y2"])
@@ -90,16 +93,20 @@ def main() -> None:
     planner = threading.Thread(target=plan, args=(buffer, now, chosen.seconds), daemon=True)
     planner.start()
     names = [*controller.measured, *controller.model.input_units, "e1", "e2", "state", "late"]
-    rows, refused, u, k = [], 0, np.zeros(2), 0
+    rows, refused, u, applied, k = [], 0, np.zeros(2), None, 0
     while buffer.state is not BufferState.STOPPED:
         k += 1
         time.sleep(max(0.0, PERIOD * k - now()))
         t = now()
         x = robot.measure(t)
         try:
-            u = controller.update(t, x, buffer, applied=u)
-        except wmr_afl.SimulationError:  # no setpoint yet, or a sample that is not sound: no voltage, and go on
-            u, refused = np.zeros(2), refused + 1
+            u = applied = controller.update(t, x, buffer, applied=applied)
+        except wmr_afl.WmrError:  # no setpoint yet, or a sample that is not sound: no voltage, and go on
+            u, applied, refused = (
+                np.zeros(2),
+                None,
+                refused + 1,
+            )  # after zero volts nobody knows what there was on average
         robot.apply(u)
         rows.append([t, *x, *u, *controller.diagnostics.error, buffer.state.value, t - PERIOD * k])
     with chosen.log.open("w", newline="") as file:

@@ -190,8 +190,8 @@ class ReferenceBuffer:
         while len(self._points) > 2 and self._points[1][0] <= t:
             self._points.popleft()
         first, a = self._points[0]
-        if t <= first:
-            return a
+        if t <= first:  # at rest where the first point will be
+            return a if t == first else np.array([a[0], 0.0 * a[1], 0.0 * a[2]])
         second, b = self._points[1]
         return _between(a, b, second - first, t - first)
 

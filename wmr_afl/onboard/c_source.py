@@ -138,11 +138,12 @@ class Source:
         """What the templates read."""
         program, names = self.program, ["next", *self.sampled.signals]
         results = dict(zip(names, program.results, strict=True))
-        model, law, literal = self.sampled.model, self.sampled.law, self.target.literal
+        model, literal = self.sampled.model, self.target.literal
         literals = {"zero": literal(0.0), "one": literal(1.0), "largest": literal(LARGEST_DOUBLE)}
         lines = [*program.robot, *program.time, *program.both]
         states = [Entry(f"{c_name(name)}{of}", about) for name, of, about in self._states()]
-        measured = dict.fromkeys(self.sampled.measured, "") if law.measurement else model.state_units
+        rates = dict.fromkeys(model.input_units, "rad/s")  # as measured at the motors
+        measured = {name: {**rates, **model.state_units}[name] for name in self.sampled.measured}
         applied = {f"applied_{name}": unit for name, unit in model.input_units.items()} if self.is_told else {}
         indices = [
             ("X", "What is measured, x", units({**measured, **applied})),
@@ -157,10 +158,11 @@ class Source:
         ]
         return {
             "P": self.prefix, "U": self.prefix.upper(), "real": self.target.real, "f": self.target.suffix, **literals,
-            "title": model.title, "origin": self.origin, "calls": program.calls,
+            "title": in_a_comment(model.title), "origin": self.origin, "calls": program.calls,
             "sample_time": literal(self.sampled.sample_time), "max_gap": literal(self.sampled.max_gap),
             "indices": indices, "setpoint": self.setpoint, "rests": len(self.compensated), "gains": self._gains(),
-            "told": told, "statuses": list(Status), "flags": self.sampled.flags, "lines": lines,
+            "told": told, "statuses": list(Status), "flags": self.sampled.flags,
+            "of_the_moment": self.sampled.of_the_moment, "lines": lines,
             "first": [literal(float(v)) for v in self.sampled.start],
             "next": results["next"], "volts": results["u"], "command": results["command"],
             "remainders": [program.rests[entry] for entry in self.compensated],
@@ -234,6 +236,14 @@ TOLD = {  # what a step tells, in the order of the struct
 def units(named: Mapping[str, str]) -> list[Entry]:
     """Entries with their units."""
     return [Entry(c_name(name), f"[{unit}]" if unit else "") for name, unit in named.items()]
+
+
+def in_a_comment(text: str) -> str:
+    """A text that ends no comment, continues no line and has no trigraph."""
+    printed = "".join(one if one.isprintable() else " " for one in text)
+    for wrong, right in (("*/", "* /"), ("/*", "/ *"), ("\\", "/"), ("??", "? ?")):
+        printed = printed.replace(wrong, right)
+    return printed
 
 
 def c_name(name: str) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from wmr_afl.controllers.law import Law
 from wmr_afl.controllers.live_reference import LiveReference, ReferenceBuffer, Setpoint
 from wmr_afl.controllers.reference import Reference
-from wmr_afl.errors import CompilerError, ShapeError, SimulationError
+from wmr_afl.errors import CompilerError, ShapeError, SimulationError, UnknownNameError, WmrError
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arguments import checked, real_numbers
@@ -101,6 +101,11 @@ class Controller(Fixed):
         views: list[Any] = [memoryview(array) for array in (self._runner.dt, self._runner.x, self._runner.clock)]  # type: ignore[arg-type]
         self._dt, self._x, self._clock = views
         self._sample, self._u = self._runner.sample, self._runner.u
+        if hears_applied and not sampled.minds_applied:
+            raise WmrError(
+                "nothing that this law learns depends on what reached the motors",
+                'leave hears_applied out, or learn from it: adaptation = { input = "applied" }, or the composite law',
+            )
         self._told = _runner(sampled, is_told=True) if hears_applied else None
         self._lock, self._learns = threading.Lock(), [True]
         self._last = [-inf, self.sample_time]  # time of the last sound update, and the step to it [s]
@@ -145,8 +150,8 @@ class Controller(Fixed):
 
         `reference`: yr, yr', yr'' (n-m,) each of a `LiveReference`, or the `ReferenceBuffer` that gives them.
 
-        `applied`: the voltages (n_u,) that reached the motors after the last call, if that is known better than by what
-        the drive was said to do: what was learned from that sample is learned again with these.
+        `applied`: the voltages (n_u,) that reached the motors since the last sample that was sound, if that is known
+        better than by what the drive was said to do: what was learned from that sample is learned again with these.
 
         A second call at the same time is no new sample: for the same x it gives the same voltages, and changes nothing.
 
@@ -155,8 +160,16 @@ class Controller(Fixed):
             SimulationError: if what is inverted is singular, something is not finite, or time goes back; the
                 controller then stays as it was, and `diagnostics` tells why.
         """
-        time = t if type(t) is float else _seconds(t)
-        wanted = None if self._is_formula and reference is None else self._reference_at(time, reference)
+        try:
+            time = t if type(t) is float else _seconds(t)
+        except ShapeError:
+            self._refused(Status.BAD_TIME_STEP)
+            raise
+        try:
+            wanted = None if self._is_formula and reference is None else self._reference_at(time, reference)
+        except WmrError:
+            self._refused(Status.BAD_REFERENCE)
+            raise
         with self._lock:
             passed, call = time - self._last[0], self._sample
             if self._usual[0] < passed < self._usual[1]:
@@ -165,6 +178,7 @@ class Controller(Fixed):
                 step, call = self._last[1], self._runner.same_sample
             else:
                 step = self._step(time, passed)
+            self._seen[0] = Status.BAD_MEASUREMENT  # unless what follows says otherwise
             try:
                 self._x[:] = x if type(x) is np.ndarray else self._converted(x)
             except ValueError:  # an array of other numbers, or of another shape
@@ -178,6 +192,24 @@ class Controller(Fixed):
                 raise SimulationError(*self._unsound(time, Status(status)))
             self._last[:] = time, step
             return self._u.copy()
+
+    def _refused(self, status: Status) -> None:
+        """What `diagnostics` tells of a call that came to nothing."""
+        with self._lock:
+            self._seen[:] = status, None
+            for told in self._runner.told.values():
+                told[:] = 0.0
+
+    def _order(self, outputs: tuple[str, ...]) -> list[int]:
+        """Where the model's outputs lie in a buffer's.
+
+        Raises:
+            UnknownNameError: if it is of other outputs.
+        """
+        wanted = list(self.model.output_units)
+        for name in {*outputs} ^ {*wanted}:
+            raise UnknownNameError("output", name, wanted)
+        return [outputs.index(name) for name in wanted]
 
     def _attended(self, call: Callable[[], int], applied: ArrayLike | None) -> int:
         """A sample before which the last one is corrected, or from which nothing is learned."""
@@ -206,8 +238,10 @@ class Controller(Fixed):
             )
         motors = list(self.model.input_units)
         volts = real_numbers("applied", applied, f"give {len(motors)} voltages", kinds=MEASURED)
-        if volts.shape != (len(motors),) or not np.isfinite(volts).all():
-            raise ShapeError(f"applied is {shown(applied)}", f"expected ({len(motors)},) finite: {', '.join(motors)}")
+        if volts.shape != (len(motors),):
+            raise ShapeError(f"applied is {shown(applied)}", f"expected ({len(motors)},): {', '.join(motors)}")
+        if not np.isfinite(volts).all():
+            raise SimulationError(f"applied is {shown(applied)}", "give what is known, or leave it out")
         if self._last[0] == -inf:  # nothing has been learned yet
             return
         told, last, measured = self._told, self._runner.last, 1 + len(self.measured)
@@ -256,7 +290,9 @@ class Controller(Fixed):
             )
         size = len(self.model.output_units)
         if isinstance(given, ReferenceBuffer):
-            return np.concatenate(given.at(time)), given.age(time)
+            return np.concatenate([row[self._order(given.outputs)] for row in given.at(time)]), given.age(time)
+        if not isinstance(given, Sequence | np.ndarray) or len(given) != len(PARTS):
+            raise ShapeError(f"the reference given is {shown(given)}", f"give {', '.join(PARTS)}, or a ReferenceBuffer")
         rows = [real_numbers(name, one, f"give {size} numbers") for name, one in zip(PARTS, given, strict=True)]
         for name, row in zip(PARTS, rows, strict=True):
             if row.shape != (size,):
@@ -331,8 +367,12 @@ class Controller(Fixed):
     def load_state(self, state: Mapping[str, ArrayLike]) -> None:
         """Goes on with states as `state_dict` gave them, or with some of them; gains and bounds stay as they are.
 
+        What was of the moment does not come back: parts that compare a sample with the last one begin again, the drive
+        is at rest, and the clock has not started.
+
         Raises:
             ShapeError: if a name or a number does not fit; the controller then stays as it was.
+            WmrError: if an estimate is beyond its bounds.
         """
         with self._lock:
             following = self.sampled.states.unpack(self._state.copy())
@@ -345,8 +385,12 @@ class Controller(Fixed):
                     remedy = f"expected {following[name].size} finite numbers"
                     raise ShapeError(f"state {name} is {shown(value)}", remedy)
                 following[name] = numbers
+            if self.law.bounds is not None:
+                self.law.bounds.check(following["theta_hat"], list(self.law.knowledge.units))
             self._state[:] = self.sampled.states.pack(following)
+            self._state[self.sampled.of_the_moment] = 0.0
             self._runner.before[:] = self._state
+            self._last[:] = -inf, self.sample_time
 
     def reset(self) -> None:
         """Back to the first estimate, and to a clock that has not started."""
@@ -360,12 +404,20 @@ class Controller(Fixed):
         hears_applied = self._told is not None
         gate = None if self.sampled.gate is None else float(self.sampled.gate.bound[0])
         built = (self.model, self.law, self.reference, self.sample_time, drive, self.max_gap, hears_applied, gate)
-        return _restored, (built, self.state_dict(), tuple(self._last))
+        with self._lock:
+            memory = [array.copy() for array in self._memory]
+            return _restored, (built, memory, list(self._last), list(self._learns))
+
+    @property
+    def _memory(self) -> tuple[Floats, ...]:
+        """All that goes on from sample to sample."""
+        return self._state, self._runner.before, self._runner.last, self._runner.now
 
     def _step(self, time: float, passed: float) -> float:
         """The time since the last sound update [s]; before the first one a sample time."""
         if passed == inf and abs(time) < LATEST:  # the first one
             return self.sample_time
+        self._seen[0] = Status.BAD_TIME_STEP  # unless what follows says otherwise
         if passed < 0.0:
             raise SimulationError(f"time went back from {self._last[0]} s to {time} s", "call reset() to start again")
         if abs(time) >= LATEST:
@@ -376,8 +428,9 @@ class Controller(Fixed):
         """Why there are no voltages, the first cause that shows, and what helps."""
         when = f"at t = {time} s"
         if status == Status.BAD_REFERENCE:
-            cause = "the reference as given is" if isfinite(time) else "the time is"
-            return f"{when} {cause} not finite", UNSOUND
+            if not isfinite(time):
+                return f"{when} the time is not finite", "give seconds"
+            return f"{when} the reference as given is not finite", "give finite numbers"
         if status == Status.BAD_MEASUREMENT:
             wrong = [name for name, value in zip(self.measured, self._runner.x, strict=True) if not isfinite(value)]
             return f"{when} {', '.join(wrong)} as measured {'is' if len(wrong) == 1 else 'are'} not finite", UNSOUND
@@ -415,8 +468,9 @@ def _seconds(t: Any) -> float:
     raise ShapeError(f"t is {shown(t)}", "give seconds as a number")
 
 
-def _restored(built: tuple[Any, ...], state: Mapping[str, ArrayLike], last: Sequence[float]) -> Controller:
+def _restored(built: tuple[Any, ...], memory: list[Floats], last: list[float], learns: list[bool]) -> Controller:
     controller = Controller(*built)
-    controller.load_state(state)
-    controller._last[:] = last
+    for array, kept in zip(controller._memory, memory, strict=True):
+        array[:] = kept
+    controller._last[:], controller._learns[:] = last, learns
     return controller

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,7 +18,7 @@ from wmr_afl.errors import ArgumentError, UnknownNameError, WmrError
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
-from wmr_afl.onboard.c_source import OWN, TEMPLATES, Source, decimal
+from wmr_afl.onboard.c_source import OWN, TEMPLATES, Source, decimal, in_a_comment
 from wmr_afl.onboard.controller import Controller
 from wmr_afl.onboard.cosimulation import check_version, fmus, plant_name
 from wmr_afl.onboard.sampled_law import SampledLaw
@@ -28,7 +29,7 @@ from wmr_input.errors import shown
 from wmr_input.whole_files import write_folder
 
 LAYOUTS = ("cmake", "platformio")
-SAMPLES = 1000  # of the run that are replayed
+SAMPLES, MOST_SAMPLES = 1000, 1_000_000  # of the run that are replayed
 DOUBLE, SINGLE = 1e-12, 2e-5  # tolerance of the replay, of the largest size of each number
 AMPLIFIED = 30.0  # in single precision the replay may differ by that many times what rounding its inputs alone changes
 KEYWORDS = frozenset(  # of C
@@ -70,12 +71,12 @@ def export(
         raise ArgumentError(f"the prefix {shown(prefix)} is no name in C", "choose letters and digits, as in my_robot")
     if layout not in LAYOUTS:
         raise UnknownNameError("layout", layout, LAYOUTS)
-    if samples < 1:
-        raise ArgumentError(f"{samples} samples to replay", "choose one or more")
+    if not 1 <= samples <= MOST_SAMPLES:
+        raise ArgumentError(f"{samples} samples to replay", f"choose 1 to {MOST_SAMPLES}")
     check_version(fmu)
     folder = None if out is None else Path(out)
-    if folder is not None and folder.exists():
-        raise WmrError(f"{folder} exists", "choose another folder, or remove this one")
+    if folder is not None and os.path.lexists(folder):
+        raise WmrError(f"{folder} exists", "choose the name of a new folder")
     loaded = load_experiment(experiment)
     name = loaded.name(controller)
     loop = loaded.loops[name]
@@ -83,9 +84,9 @@ def export(
     if not (sampled.is_limited or is_unlimited):
         raise WmrError(
             f"nothing limits the voltages of {name!r}",
-            "add input_limits to [uncertainties] or a limit to its effort, or export it with --unlimited",
+            "add command_limits or input_limits to [uncertainties], or export it with --unlimited",
         )
-    origin = f'controller "{name}" of experiment {Path(experiment).stem}, written by wmr-afl'
+    origin = in_a_comment(f'controller "{name}" of experiment {Path(experiment).stem}, written by wmr-afl')
     source = Source(sampled, prefix, is_single, is_tunable, origin=origin)
     replayed = vectors(loop, sampled, samples, is_single)
     texts = _files(source, loop.reference if has_reference else None, replayed, layout, fmu)
@@ -158,6 +159,7 @@ def _files(
         "micro": literal(1e-6), "real_of": lambda value: literal(float(value)), "limits": _limits(source.sampled),
         "seconds": source.sampled.sample_time, "longest": source.sampled.max_gap,
         "fmu": fmu, "plant": plant_name(P),
+        "estimates": _entries(source.sampled.states.places["theta_hat"]),
         "functions": sorted(f"`{one}`" for one in _of_the_library(calls)),
     }  # fmt: skip
 
@@ -232,8 +234,14 @@ def _of_the_library(calls: Iterable[str]) -> set[str]:
     return found
 
 
+def _entries(place: slice) -> list[int]:
+    return list(range(place.start, place.stop))
+
+
 def _limits(sampled: SampledLaw) -> str:
     """What limits the voltages, in words."""
-    names = [name for name in sampled.values if name in ("input_limits.volts", "effort.limit")]
-    told = [f"{name} = {np.ravel(sampled.values[name]).tolist()} V" for name in names]
+    limits = ("command_limits.", "input_limits.", "effort.limit")
+    told = [
+        f"{name} = {np.ravel(value).tolist()} V" for name, value in sampled.values.items() if name.startswith(limits)
+    ]
     return ", ".join(told) or "none. Whatever is computed goes to the motors"

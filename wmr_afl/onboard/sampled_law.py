@@ -104,6 +104,12 @@ class SampledLaw(Fixed):
             found += own.values() if flag is None else [flag]
         return [entry for place in found for entry in range(place.start, place.stop)]
 
+    @functools.cached_property
+    def of_the_moment(self) -> list[int]:
+        """Entries of the states that a restart does not bring back: flags, and what was last sent to the drive."""
+        drive = [place for name, place in self.states.places.items() if name in self.drive.states]
+        return sorted({*self.flags, *(entry for place in drive for entry in range(place.start, place.stop))})
+
     @property
     def start(self) -> Floats:
         """The states at the start, flat."""
@@ -212,6 +218,12 @@ class SampledLaw(Fixed):
         results = ca.cse([ca.densify(ca.SX(one)) for one in results])
         names = ["states", "clock", "x", "passed", "values"], ["next", *self.signals]
         return ca.Function("controller", [flat, clock, x, passed, numbers], results, *names)
+
+    @property
+    def minds_applied(self) -> bool:
+        """Whether the states depend on what reaches the motors."""
+        step, inputs = self.traced(is_told=True), self.signals["u"]
+        return bool(ca.DM.ones(step.jac_sparsity(0, 2))[:, -inputs:].nnz())
 
     def _applied(
         self, u: Array, z: SimpleNamespace, k: SimpleNamespace, model: Model, with_memory: bool = True

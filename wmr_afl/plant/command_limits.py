@@ -83,8 +83,8 @@ class CommandLimits(Uncertainty):
         within = self._within(u, k.least, k.most, arrays)
         if self.room is None:
             return within
-        room = k.room[0] + 0.0 * k.most
-        return z.last + self._within(within - z.last, -room, room, arrays)
+        room, last = k.room[0] + 0.0 * k.most, self._within(z.last, k.least, k.most, arrays)
+        return last + self._within(within - last, -room, room, arrays)
 
     def update(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> dict[str, Array]:
         return {} if self.room is None else {"last": self.applied(u, z, k, arrays)}

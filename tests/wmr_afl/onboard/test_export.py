@@ -10,7 +10,7 @@ import pytest
 import wmr_afl
 from benchmarks.exported import SANITIZED, STRICT, Law, built, fuzzed, tracked
 from tests.conftest import EXPERIMENTS
-from wmr_afl import ArgumentError, InputError, UnknownNameError, WmrError
+from wmr_afl import ArgumentError, Controller, InputError, UnknownNameError, WmrError
 from wmr_afl.controllers.live_reference import BufferState, ReferenceBuffer
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.onboard.export import export, onboard
@@ -100,14 +100,15 @@ def test_the_readme_tells_every_wire(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"experiment": "study_1"}, "nothing limits the voltages of 'AFL'; add input_limits"),
+        ({"experiment": "study_1"}, "nothing limits the voltages of 'AFL'; add command_limits"),
         ({"controller": "PID"}, "unknown controller 'PID'"),
         ({"experiment": "nowhere"}, "nowhere"),
         ({"prefix": "3x"}, "is no name in C"),
         ({"prefix": "while"}, "is no name in C"),
         ({"prefix": "a b"}, "is no name in C"),
         ({"layout": "maven"}, "unknown layout 'maven'"),
-        ({"samples": 0}, "choose one or more"),
+        ({"samples": 0}, "choose 1 to 1000000"),
+        ({"samples": 10**9}, "choose 1 to 1000000"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_exported_is_refused_and_leaves_nothing(options: dict, words: str, tmp_path: Path) -> None:
@@ -116,9 +117,35 @@ def test_what_cannot_be_exported_is_refused_and_leaves_nothing(options: dict, wo
     assert not any(tmp_path.iterdir())
 
 
+def test_a_controllers_name_is_text_in_c_and_nothing_else(tmp_path: Path) -> None:
+    """It ends no comment and continues no line."""
+    text = (EXPERIMENTS / "study_2.toml").read_text()
+    name = "x */ int injected; /* ??/ \\\\ y"
+    assert "[controllers.AFL]" in text
+    (tmp_path / "odd.toml").write_text(text.replace("[controllers.AFL]", f'[controllers."{name}"]'))
+    export(tmp_path / "odd.toml", name.replace("\\\\", "\\"), tmp_path / "c", samples=3)
+    replayed(tmp_path / "c", STRICT)
+    assert "injected; / *" in (tmp_path / "c/controller.c").read_text()
+
+
+def test_limits_of_commands_are_told_and_hold_whatever_was_before(tmp_path: Path) -> None:
+    """Also after a state that was saved under wider limits: it begins at rest."""
+    text = (EXPERIMENTS / "study_1.toml").read_text()
+    limits = "command_limits = { most = [3.0, 4.0], least = -2.0, slew = 40.0 }"
+    (tmp_path / "limited.toml").write_text(text.replace("[shared]", f"[uncertainties]\n{limits}\n\n[shared]", 1))
+    files = export(tmp_path / "limited.toml", samples=5)
+    assert "command_limits.most = [3.0, 4.0] V" in str(files["README.md"])
+    controller = Controller.from_experiment(tmp_path / "limited.toml", is_live=True)
+    wide = {"command_limits.last": [50.0, -50.0]}
+    x, wanted = [15.0, 25.0, 0.1, 0.2, 0.05], ([30.0, 40.0], [0.0, 0.0], [0.0, 0.0])
+    controller.load_state(wide)
+    assert np.all(np.abs(controller.update(0.0, x, wanted)) <= 0.8 + 1e-12)
+    np.testing.assert_array_equal(controller.state_dict()["command_limits.last"], controller.update(0.0, x, wanted))
+
+
 def test_a_folder_that_exists_and_a_reference_that_is_a_table_are_refused(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
-    with pytest.raises(WmrError, match="there exists; choose another folder"):
+    with pytest.raises(WmrError, match="there exists; choose the name of a new folder"):
         export("study_2", out=tmp_path / "there")
     text = (EXPERIMENTS / "study_1.toml").read_text()
     circle = "circle = { center = [10.0, 25.0], radius = 7.5, rate = 0.05 }"

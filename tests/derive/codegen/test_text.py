@@ -249,6 +249,20 @@ def test_a_simple_product_says_what_it_is_and_others_are_numbered(product: sp.Ex
         assert name in names
 
 
+@pytest.mark.parametrize("length", [10, 23, 24, 25, 59, 60, 61, 120])
+def test_what_is_short_and_used_once_has_no_name(length: int) -> None:
+    """A sum that is returned, of less than 60 letters, and a call in it, of less than 24."""
+    terms, long = Terms(), [sp.Symbol(count * "n") for count in (length - 8, length - 5)]
+    alone, call = terms.name("alone", a + b + long[0]), sp.sin(long[1])
+    assert len(str(terms.definitions[alone])) == len(str(call)) == length
+    returned, summed, twice = (
+        statements(sp.Matrix([row]), terms, ()) for row in ([alone], [call + c], [alone, -alone])
+    )
+    assert (returned.assignments == []) == (length < 60)
+    assert (summed.assignments == []) == (length < 24)
+    assert twice.assignments != []
+
+
 def test_numbered_terms_are_added_in_the_order_of_their_lines() -> None:
     """As long as their numbers have one digit each."""
     powers = [(a + k) ** 4 for k in range(1, 10)]

@@ -40,6 +40,17 @@ def test_printed_arithmetic_has_the_value_of_the_expression(expression: sp.Expr)
     assert value == pytest.approx(float(expression.subs(NUMBERS)), rel=1e-14)
 
 
+@pytest.mark.parametrize("base", [x, x + y, x * y, sp.sin(x)], ids=str)
+@pytest.mark.parametrize("power", [*range(-10, -1), *range(2, 11)])
+def test_powers_from_the_third_to_the_eighth_are_products(power: int, base: sp.Expr) -> None:
+    """Which take less time than a general power."""
+    expression = base**power
+    text = PythonCode({}).doprint(expression)
+    value = eval(text, CALLS | {symbol.name: number for symbol, number in NUMBERS.items()})  # noqa: S307
+    assert value == pytest.approx(float(expression.subs(NUMBERS)), rel=1e-14)
+    assert ("**" in text) == (not 3 <= abs(power) <= 8)
+
+
 @pytest.mark.parametrize(
     "matrix",
     [

@@ -9,8 +9,10 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
-from tests.wmr_afl.experiments.campaigns.handmade import NAN, result
+from tests.wmr_afl.experiments.campaigns.handmade import INF, NAN, result
 from wmr_afl import load_model
+from wmr_afl.analysis import feasibility
+from wmr_afl.analysis.feasibility import Demand, Doubt
 from wmr_afl.cli import app, campaigns, progress, show, terminal
 from wmr_afl.experiments.distributions import SuccessTable
 from wmr_afl.simulation.result import Failure, Run
@@ -95,6 +97,22 @@ def test_a_campaign_is_told_in_success_quantiles_and_worst_runs() -> None:
     assert table["3"] == ["RMS error 0.5", "start.x = 1"]
 
 
+def test_controllers_are_compared_in_a_line_each() -> None:
+    """Rates with their bounds, quantiles of the error or that such a run failed, and then the causes of failures."""
+    good = result([[0.1, 0.2], [0.3, 0.1], [0.5, 0.4]], [NAN, NAN, NAN])
+    bad = result([[0.1, 0.2], [INF, INF], [INF, INF]], [NAN, 7.5, 2.0])
+    parts = [printed(part) for part in campaigns.comparison({"good": good, "[bad]": bad})]
+    lines = [line.strip() for line in "".join(parts).splitlines()]
+    assert lines[0] == "3 runs, seed 3, the same draws for each; bounds hold with 95 % confidence"
+    table = {row[0]: row[1:] for row in map(cells, lines) if row}
+    for name, one in (("good", good), ("[bad]", bad)):
+        rates = [[100.0 * share for share in rate] for rate in (one.failure_rate(), one.success_rate())]
+        shares = [f"{share:.1f} ({low:.1f}-{high:.1f})" for share, low, high in rates]
+        assert table[name] == [*shares, *(["0.3", "0.5", "0.5"] if name == "good" else ["failed"] * 3)]
+    assert lines[-1] == "[bad] failed 2: diverged"
+    assert not [line for line in lines if line.startswith("good failed")]
+
+
 @pytest.mark.parametrize("count", range(7))
 def test_of_many_rows_three_lines_are_listed_that_account_for_all(count: int) -> None:
     """All of them up to three; then the first ones, and how many more there are."""
@@ -141,6 +159,8 @@ def test_why_nothing_can_be_adapted_is_told() -> None:
 class Alone:
     """A model without outputs and what a controller needs of them."""
 
+    metadata = MODEL.metadata
+
     def __getattr__(self, name: str) -> Any:
         return {} if name == "output_units" else getattr(MODEL, name)
 
@@ -154,6 +174,30 @@ def test_of_a_model_alone_it_is_told_that_there_is_nothing_to_control(model: Any
     assert (table.get("controller") == ["none: the description wants the model alone"]) == is_alone
     assert ("singular where" in table) == ("internal coordinates" in table) == (not is_alone)
     assert (table["outputs"] == ["none"]) == is_alone
+
+
+@pytest.mark.parametrize("limited", [{}, {"fork": ["-0.6", "0.6"]}, {"fork": ["-0.6", "0.6"], "arm": ["0", "a/2"]}])
+def test_limits_are_told_of_the_joints_that_have_them(limited: dict[str, list[str]]) -> None:
+    """On one line."""
+    frames = {"body": {}, **{name: {"limits": limits} for name, limits in limited.items()}}
+    model = Alone()
+    model.metadata = MODEL.metadata | {"geometry": MODEL.metadata["geometry"] | {"frames": frames}}
+    facts = "".join(map(printed, show.describe(model)))  # type: ignore[arg-type]
+    table = {row[0]: row[1:] for row in map(cells, facts.splitlines()) if row}
+    told = ", ".join(f"{name}: {low} to {high} rad" for name, (low, high) in limited.items())
+    assert table.get("limits of joints") == ([told] if limited else None)
+
+
+@pytest.mark.parametrize("doubts", [(), (Doubt("the reference [y1] jumps", 1.0, 1.0), Doubt("too fast", 2.0, 3.5))])
+def test_a_reference_is_doubtful_if_anything_is(doubts: tuple[Doubt, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line for each motor and for each doubt; a script hears of it by the status."""
+    demand = Demand({"u_r": 7.25, "u_l": 30.0}, {"u_r": 24.0, "u_l": np.inf}, doubts)
+    monkeypatch.setattr(feasibility, "demand", lambda experiment, path: demand)
+    done = CliRunner().invoke(app, ["check-reference", "study_1"])
+    assert done.exit_code == (1 if doubts else 0)
+    lines = [cells(line) for line in done.stdout.splitlines()]
+    assert lines[1:3] == [["u_r", "7.25", "24"], ["u_l", "30", "no limit told"]]
+    assert lines[3:] == [[str(doubt)] for doubt in doubts]
 
 
 def test_a_progress_bar_leaves_nothing_behind_on_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:

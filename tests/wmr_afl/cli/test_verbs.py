@@ -384,6 +384,7 @@ def test_an_animation_plays_as_long_as_it_is_told(short: Path, monkeypatch: pyte
     )
     done = call("animate", short, "--seconds", 0.5)
     assert done.exit_code == 0, done.output
+    assert done.stdout.splitlines() == ["results/short/AFL.gif"]
     call("animate", short, "--seconds", 4, "--controller", "frozen estimates", "--out", tmp_path / "my.gif")
     (run, file, fps, speed), (other, named, _, slow) = seen
     assert (run.controller, file, fps, speed) == ("AFL", Path("results/short/AFL.gif"), 12, 4.0)

@@ -450,3 +450,19 @@ def test_a_law_stays_within_its_own_limit_or_else_that_of_the_drive(own: Any, dr
     drives = {"uncertainties": {"input_limits": {"volts": drive}}} if drive else {}
     found = loop(controllers={"AFL": controller}, **drives)
     assert found.values.get("effort.limit") == expected
+
+
+@pytest.mark.parametrize("law", ["linearizing", "composite", "direct", "frozen"])
+@pytest.mark.parametrize("samples", [0, 1, 3])
+def test_commands_under_way_are_remembered_if_the_drive_is_late(samples: int, law: str) -> None:
+    """By each law that observes, but for the linearizing one, which expects what the applied voltages do."""
+    controller = {
+        "law": law,
+        "measures": "pose",
+        **({"outer_loop": {"bandwidth": 9.0}} if law == "linearizing" else {}),
+    }
+    drive = {"uncertainties": {"input_delay": {"seconds": 0.02 * samples}}} if samples else {}
+    found = loop(controllers={"AFL": controller}, **drive).law.states
+    sizes = {name: value.size for name, value in found.items() if name.startswith("under_way.")}
+    remembered = {"under_way.accelerations": 2 * samples, "under_way.removed": 2 * samples}
+    assert sizes == (remembered if samples and law != "linearizing" else {})

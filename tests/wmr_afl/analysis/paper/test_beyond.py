@@ -210,6 +210,8 @@ def test_errors_are_drawn_with_their_transients(found: Beyond) -> None:
     assert {text.get_text() for text in figure.legends[0].get_texts()} == set(FEW)
     assert whole_slip.patches
     assert not whole.patches
+    assert FIRST[0] == 0.0 < FIRST[1]
+    assert SLIPS[0] < SLIP[0] < SLIPS[1] < SLIP[1]  # when the wheels begin to slip
 
 
 def test_curves_are_the_share_of_robots_below_an_error(found: Beyond) -> None:

@@ -207,6 +207,10 @@ def test_a_figure_of_the_paper_shows_the_runs_that_its_caption_names(figure: str
         np.testing.assert_array_equal(picture.axes[1].get_lines()[1].get_ydata(), runs["AFL"].input[:, 1])
     if figure == "fig5":
         assert len(picture.axes[0].get_lines()) == 6
+    if figure in ("fig4", "fig6", "fig8", "high_gain", "fig10"):  # two panels share the time below them
+        upper, lower = picture.axes[1:]
+        assert (upper.get_xlabel(), lower.get_xlabel()) == ("", "time [s]")
+        assert [axes.xaxis.get_tick_params()["labelbottom"] for axes in (upper, lower)] == [False, True]
     if figure in ("fig6", "fig8", "high_gain", "fig10"):
         path, first, second = picture.axes
         for axes, output in ((first, 0), (second, 1)):

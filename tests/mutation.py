@@ -57,7 +57,13 @@ OTHERS = {"min": "max", "any": "all", "sin": "cos", "minimum": "maximum", "argmi
 OTHERS |= {other: one for one, other in OTHERS.items()}
 IN_ANY_ORDER = {"isinstance", "max", "min", "has", "atoms", "gcd", "lcm"}  # functions of which no argument is the first
 WITHOUT_MEANING = {"maxsize", "stacklevel", "strict"}  # keywords whose values no law can speak of
-DRAWINGS = {"plots.py", "animation.py", "campaign_plots.py", "figures.py"}  # whose numbers are looks
+DRAWINGS = {
+    "plots.py",
+    "animation.py",
+    "campaign_plots.py",
+    "figures.py",
+    "beyond_figures.py",
+}  # whose numbers are looks
 
 
 @dataclass(frozen=True)

@@ -94,6 +94,24 @@ def test_the_denominator_of_an_obstacle_is_told(small: Derivation) -> None:
         assert Obstacle(1 / named, mixed, rank, 20).is_proof is proof
 
 
+@pytest.mark.parametrize("count", [60, 61])
+def test_sixty_operations_can_be_read_and_one_more_cannot(count: int, small: Derivation) -> None:
+    """Then the name of the term stands there."""
+    whole = sp.Add(*(sp.Symbol(f"t{k}", real=True) for k in range(count + 1)))
+    assert sp.count_ops(whole) == count
+    named, tex = small.terms.name(f"sum_of_{count}", whole), _Tex(small)
+    shown = whole if count == 60 else named
+    assert tex(named) == tex.plain(shown)
+    assert [name for name, _ in tex.named_terms()] == ([] if count == 60 else [_name(named.name)])
+    assert _obstacle(small, Obstacle(1 / named, True, 20, 20))["denominator"] == str(shown)
+
+
+def test_what_no_brackets_tell_is_not_guessed(small: Derivation) -> None:
+    """Growth and degree are those of nothing, and control is not claimed."""
+    found = findings(replace(small, mobility=replace(small.mobility, growth=None)))
+    assert (found["growth_vector"], found["degree_of_nonholonomy"], found["controllable"]) == ([], 0, False)
+
+
 @pytest.mark.parametrize("depth", [1, 40], ids=["readable", "too deep"])
 @pytest.mark.parametrize("count", [2, 40], ids=["short", "long"])
 def test_a_denominator_stands_beside_the_determinant_that_names_it_and_nowhere_else(

@@ -176,6 +176,27 @@ def test_estimates_gains_and_bounds_follow_each_robot() -> None:
         np.testing.assert_allclose(one["projection.upper"], 1.9 * theta, rtol=1e-14)
 
 
+@pytest.mark.parametrize("place", ["parameters", "estimates", "gains", ""])
+def test_a_scale_is_a_factor_on_what_stands_at_its_place(place: str) -> None:
+    """Of each robot on its own; of other names there nothing changes, and unknown ones are refused with the place."""
+    name, whole, entry = {
+        "parameters": ("m_C", "p", list(MODEL.parameter_units).index("m_C")),
+        "estimates": (THETAS[2], "theta_hat", 2),
+        "gains": ("outer_loop.b1", "outer_loop.b1", 0),
+        "": ("b2", "outer_loop.b2", 1),
+    }[place]
+    key = f"{place}.{name}" if place else name
+    usual, *_ = varied(Differences(start={"x": [2.5, 2.5]}), controller__projection=None)
+    scaled = varied(Differences(scale={key: [2.0, 1.5]}), controller__projection=None)
+    for one, factor in zip(scaled, (2.0, 1.5), strict=True):
+        assert one[whole][entry] == pytest.approx(factor * usual[whole][entry], rel=1e-14)
+        others = np.arange(usual[whole].size) != entry
+        if place in ("parameters", "estimates"):
+            np.testing.assert_array_equal(one[whole][others], usual[whole][others])
+    with pytest.raises(UnknownNameError, match="nothing'"):
+        varied(Differences(scale={f"{place}.nothing" if place else "nothing": [1.0]}))
+
+
 def test_seeds_belong_to_loops_that_draw() -> None:
     """Without noise there are none; with it they are the given ones, or the experiment's for all."""
     experiment = validate(tables(uncertainties=NOISE), Experiment, "one.toml")

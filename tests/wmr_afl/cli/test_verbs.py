@@ -296,7 +296,7 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(
     def working(*given: Any, **named: Any) -> None:
         pytest.fail("it was run first")
 
-    for module, name in ((runs, "run_with_progress"), (reproduction, "run_with_progress"), (campaigns, "campaign")):
+    for module, name in ((runs, "run_with_progress"), (reproduction, "run_with_progress"), (campaigns, "compare")):
         monkeypatch.setattr(module, name, working)
     (tmp_path / "file").write_text("")
     place = tmp_path / "file" / ("one.gif" if arguments[0] == "animate" else "below")

@@ -91,6 +91,17 @@ def test_a_run_is_described_by_what_it_drew_and_what_it_came_to() -> None:
             one.describe(index)
 
 
+def test_controllers_are_compared_by_the_larger_error_of_their_outputs() -> None:
+    """Median, 99 % and worst; null where so many runs failed."""
+    errors = [[k / 1000, (201 - k) / 2000] for k in range(1, 201)]
+    larger = sorted(max(row) for row in errors)
+    found = result(errors).brief()
+    assert [found[key] for key in ("rms_median", "rms_99", "rms_worst")] == [larger[100], larger[198], larger[199]]
+    failing = result([[INF, INF], *errors[1:]], [2.0, *[NAN] * 199]).brief()
+    assert (failing["rms_worst"], failing["failed"], failing["causes"]) == (None, 1 / 200, {"diverged": 1})
+    assert failing["rms_median"] is not None
+
+
 def test_a_summary_counts_what_there_is() -> None:
     """And is what stands in summary.json."""
     one = result([[0.1, 0.2], [INF, INF], [0.3, 0.4], [0.9, 0.1]], [NAN, 2.0, NAN, NAN], success=SuccessTable(rms=0.5))

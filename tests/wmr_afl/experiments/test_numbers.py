@@ -487,3 +487,20 @@ def test_commands_under_way_are_remembered_if_the_drive_is_late(samples: int, la
     sizes = {name: value.size for name, value in found.items() if name.startswith("under_way.")}
     remembered = {"under_way.accelerations": 2 * samples, "under_way.removed": 2 * samples}
     assert sizes == (remembered if samples and law != "linearizing" else {})
+
+
+@pytest.mark.parametrize("law", ["linearizing", "composite", "direct", "frozen"])
+@pytest.mark.parametrize(
+    ("table", "observer"),
+    [
+        ({}, None),
+        ({"measures": "pose"}, "PoseObserver"),
+        ({"measures": "pose", "observer": {"kind": "kalman"}}, "KalmanObserver"),
+        ({"observer": {"kind": "kalman"}}, "KalmanObserver"),
+        ({"observer": {"kind": "pose"}}, "PoseObserver"),
+    ],
+)
+def test_the_state_is_measured_or_observed_as_the_file_says(table: dict, observer: str | None, law: str) -> None:
+    controller = {"law": law, **({"outer_loop": {"bandwidth": 9.0}} if law == "linearizing" else {}), **table}
+    found = loop(controllers={"AFL": controller}).law.sight.observer
+    assert (None if found is None else type(found).__name__) == observer

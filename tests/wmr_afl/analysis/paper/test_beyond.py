@@ -247,7 +247,8 @@ def test_the_report_holds_every_table_figure_and_law(found: Beyond, tmp_path: Pa
     pictures = {name: tmp_path / f"{name}.png" for name in CAPTIONS}
     for png in pictures.values():
         png.write_bytes(b"picture")
-    page = write_report({}, pictures, found, tmp_path / "report.html").read_text()
+    page = write_report({}, {"fig4": png, **pictures}, found, tmp_path / "report.html").read_text()
+    assert page.count("<img") == len(CAPTIONS)  # the paper's figures stand with its studies
     told = html.unescape(re.sub(r"<[^>]*>", "", page))
     for one in found.sheets:
         assert one.title in told

@@ -12,7 +12,7 @@ from rich.status import Status
 from wmr_input import WmrError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-_console = Console(stderr=True)
+_console = Console(stderr=True, highlight=False)
 
 
 @app.command()
@@ -39,12 +39,12 @@ def derive(
             difference = differences(files, out)
             if difference:
                 print(difference, end="")
-                _console.print(f"{out} is not up to date; run the same without --check", style="red", highlight=False)
+                _console.print(f"{out} is not up to date; run the same without --check", style="red")
                 raise typer.Exit(1)
-            _console.print(f"{out} is up to date: {len(files)} files", highlight=False)
+            _console.print(f"{out} is up to date: {len(files)} files")
             return
         write(files, out)
-        _console.print(f"wrote {len(files)} files below {out}", highlight=False)
+        _console.print(f"wrote {len(files)} files below {out}")
     except WmrError as error:
         for line in str(error).splitlines():
             typer.echo(f"error: {line}", err=True)
@@ -60,7 +60,7 @@ class _Steps:
     def __call__(self, step: str) -> None:
         self.status.update(f"{self.path.name}: {step}")
         if not _console.is_terminal and step == "description":
-            _console.print(f"deriving {self.path.name}", highlight=False)
+            _console.print(f"deriving {self.path.name}")
 
 
 if __name__ == "__main__":

@@ -55,8 +55,15 @@ OPERATORS = {
 OTHERS = {"min": "max", "any": "all", "sin": "cos", "minimum": "maximum", "argmin": "argmax", "floor": "ceil",
           "lower": "upper", "fmin": "fmax", "first": "last", "cumsum": "cumprod"}  # fmt: skip
 OTHERS |= {other: one for one, other in OTHERS.items()}
+IN_ANY_ORDER = {"isinstance", "max", "min", "has", "atoms", "gcd", "lcm"}  # functions of which no argument is the first
 WITHOUT_MEANING = {"maxsize", "stacklevel", "strict"}  # keywords whose values no law can speak of
-DRAWINGS = {"plots.py", "animation.py", "campaign_plots.py", "figures.py"}  # whose numbers are looks
+DRAWINGS = {
+    "plots.py",
+    "animation.py",
+    "campaign_plots.py",
+    "figures.py",
+    "beyond_figures.py",
+}  # whose numbers are looks
 
 
 @dataclass(frozen=True)
@@ -211,7 +218,7 @@ class _Finder(ast.NodeVisitor):
         if name in OTHERS:
             self.replaced(node.func, self.text(node.func)[: -len(name)] + OTHERS[name])
         simple = [argument for argument in node.args if isinstance(argument, ast.Name | ast.Attribute)]
-        if len(simple) >= 2 and len(node.args) == len(simple) and name not in ("isinstance", "max", "min"):
+        if len(simple) >= 2 and len(node.args) == len(simple) and name not in IN_ANY_ORDER:
             first, second = simple[:2]
             if self.text(first) != self.text(second):
                 start, end = self.span(first)[0], self.span(second)[1]

@@ -131,9 +131,8 @@ def near_fractions_of_pi(values: Mapping[Symbol, Expr], tolerance: float) -> dic
     """Constants that are a fraction of pi but for less than `tolerance` [rad], each with this fraction."""
     found: dict[Symbol, Expr] = {}
     for symbol, value in values.items():
-        for denominator in (1, 2, 3, 4, 5, 6, 8, 12):
+        for denominator in (5, 8, 12):  # and the parts of 12
             steps = round(float((value / sp.pi).evalf(20)) * denominator)
             if steps and abs(float((value - steps * sp.pi / denominator).evalf(20))) < tolerance:
                 found[symbol] = steps * sp.pi / denominator
-                break
     return found

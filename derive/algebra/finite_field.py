@@ -76,7 +76,7 @@ def _root_of_prime(prime: int) -> int:
     if prime == 2:
         unit = _root_of_unity(8)
         return (unit + pow(unit, -1, PRIME)) % PRIME
-    if (PRIME - 1) % prime == 0 and prime <= 19:
+    if prime <= 19:  # each of these divides PRIME - 1
         unit = _root_of_unity(prime)
         gauss = sum(sp.legendre_symbol(k, prime) * pow(unit, k, PRIME) for k in range(1, prime)) % PRIME
         return gauss if prime % 4 == 1 else gauss * pow(_root_of_unity(4), -1, PRIME) % PRIME
@@ -92,12 +92,12 @@ def _any_root(number: int) -> int:
 
 def _root_of_constant(basis: Expr, value: Element) -> Element:
     """sqrt(basis) for nested radicals: those that occur are cosines up to sqrt(q), as sin(pi/5)."""
-    for order in (5, 8, 10, 12, 16, 20, 24):
+    for order in (16, 20, 24):  # fractions of pi; with them 5, 8, 10 and 12
         unit = FIELD(_root_of_unity(2 * order))
-        for k in range(1, order):
+        for k in range(1, order // 2):
             scale = sp.nsimplify(sp.N(basis / sp.cos(k * sp.pi / order) ** 2, 30), rational=True, tolerance=1e-20)
             cosine = _HALF * (unit**k + 1 / unit**k)
-            if 2 * k < order and scale.q <= 1000 and Point(0)(scale) * cosine * cosine == value:
+            if scale.q <= 1000 and Point(0)(scale) * cosine * cosine == value:
                 return Point(0)(sp.sqrt(scale)) * cosine
     return FIELD(_any_root(int(value)))
 
@@ -196,7 +196,7 @@ class Point:
         if basis.is_Rational:  # prime by prime, so that sqrt(2) sqrt(3) = sqrt(6)
             root = FIELD(1)
             for prime, power in sp.factorint(basis).items():
-                factor = FIELD(int(IMAGINARY) if prime == -1 else _root_of_prime(int(prime))) ** abs(power)
+                factor = FIELD(_root_of_prime(int(prime))) ** abs(power)
                 root = root * factor if power > 0 else root / factor
             return root
         value = self(basis)

@@ -77,7 +77,7 @@ def campaign(
         if len(names) > 1:
             written[place / "comparison"] = campaign_plots.write_comparison(results, place / "comparison")
     for part in comparison(results) if len(names) > 1 else tables(results[names[0]]):
-        console.print(part, highlight=False)
+        console.print(part)
     for folder, files in written.items():
         say(f"{', '.join(file.name for file in files)} in {folder}")
 

@@ -25,13 +25,13 @@ def check_experiment(experiment: str) -> bool:
     doubts = {}
     for name, run in runs.items():
         for part in _told(run):
-            console.print(part, highlight=False)
+            console.print(part)
         whys = ("it failed" if run.failure else "", "it carries a warning" if run.warnings else "")
         broken = "" if all(one.holds for one in run.conditions) else "a condition is broken"
         doubts[name] = [why for why in (*whys, broken) if why]
     for name, why in doubts.items():
         if why:
-            console.print(f"[bold]{escape(name)}[/bold] is doubtful: {' and '.join(why)}", highlight=False)
+            console.print(f"[bold]{escape(name)}[/bold] is doubtful: {' and '.join(why)}")
     return not any(doubts.values())
 
 

@@ -26,7 +26,7 @@ def models() -> None:
             count = f"{len(model.base_parameter_units)}, {model.parametrization}"
             table.add_row(name, escape(model.title), model.findings["type"], count, ", ".join(model.output_units))
     console.print(table)
-    console.print(f"experiments: {', '.join(list_experiments())}", highlight=False)
+    console.print(f"experiments: {', '.join(list_experiments())}")
 
 
 @app.command()
@@ -55,12 +55,12 @@ def show(
                 typer.echo(loop_text(loaded.loops[chosen]))
                 return
             for part in describe_loop(loaded.loops[chosen], chosen):
-                console.print(part, highlight=False)
+                console.print(part)
             return
         from wmr_afl.cli.show import describe
 
         for part in describe(load_model(name)):
-            console.print(part, highlight=False)
+            console.print(part)
 
 
 @app.command(
@@ -136,6 +136,6 @@ def check_reference(
         table.add_row(escape(name), f"{volts:.3g}", f"{limit:g}" if limit < float("inf") else "no limit told")
     console.print(table)
     for doubt in found.doubts:
-        console.print(escape(str(doubt)), highlight=False)
+        console.print(escape(str(doubt)))
     if found.doubts:
         raise typer.Exit(1)

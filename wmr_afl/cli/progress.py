@@ -47,9 +47,9 @@ def print_metrics(title: str, runs: dict[str, Run]) -> None:
     console.print(table)
     for name, run in runs.items():
         for warning in run.warnings:
-            errors.print(f"warning: {escape(name)}: {escape(warning)}", highlight=False, soft_wrap=True)
+            errors.print(f"warning: {escape(name)}: {escape(warning)}", soft_wrap=True)
         if run.undetermined:
-            console.print(f"{escape(name)}: {escape(sentence(run))}", highlight=False, soft_wrap=True)
+            console.print(f"{escape(name)}: {escape(sentence(run))}", soft_wrap=True)
 
 
 def _row(values: list[float]) -> str:

@@ -76,7 +76,7 @@ def _print_sheets(sheets: Sequence[Sheet]) -> None:
             table.add_column(escape(heading), justify="right" if index else "left", no_wrap=index == 0)
         for row in sheet.rows:
             table.add_row(*map(escape, row))
-        console.print(f"\n[bold]{escape(sheet.title)}[/bold]", escape(sheet.note), table, sep="\n", highlight=False)
+        console.print(f"\n[bold]{escape(sheet.title)}[/bold]", escape(sheet.note), table, sep="\n")
 
 
 def _print_verdicts(studies: dict[str, dict[str, Run]]) -> None:

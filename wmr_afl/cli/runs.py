@@ -64,7 +64,7 @@ def animate(
         if not 0.1 <= seconds <= 45.0:
             raise WmrError(f"an animation cannot play for {seconds:g} s", "choose --seconds between 0.1 and 45")
         run = run_with_progress(experiment, backend, [name])[name]
-        speed = float(run.time[-1] - run.time[0]) / seconds if len(run.time) > 1 else 1.0
+        speed = float(run.time[-1]) / seconds if len(run.time) > 1 else 1.0
         with progress_bar() as progress:
             task = progress.add_task("drawing")
             animation.animate(run, file, 12, speed, lambda k, n: progress.update(task, completed=k, total=n))

@@ -39,9 +39,7 @@ def describe(model: Model) -> Iterator[RenderableType]:
     missed: dict[str, str] = found.get("not_found_out", {})
     source = model.metadata["source"]
     yield f"[bold]{escape(model.title)}[/bold]  ({model.name}{'; geometry: ' if source else ''}{escape(source)})"
-    facts = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    facts.add_column(style="dim")
-    facts.add_column()
+    facts = _facts()
 
     def add(name: str, text: str, *findings: str) -> None:
         """A row, or why there is nothing to be told: the reason of the first of `findings` that was missed."""
@@ -111,9 +109,7 @@ def describe_loop(loop: ClosedLoop, controller: str) -> Iterator[RenderableType]
     """States, numbers and signals of a closed loop, and how many operations one step takes."""
     step, program = trace(loop), print_loop(trace(loop), LANES)
     yield f"[bold]{escape(controller)}[/bold] on {loop.model.name}, every {loop.sample_time:g} s"
-    facts = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    facts.add_column(style="dim")
-    facts.add_column()
+    facts = _facts()
     facts.add_row("state", _sizes(Layout(loop.states).sizes))
     facts.add_row("numbers of a robot", _sizes(Layout(loop.values).sizes))
     facts.add_row("signals", _sizes(loop.signals))
@@ -129,6 +125,13 @@ def describe_loop(loop: ClosedLoop, controller: str) -> Iterator[RenderableType]
 def loop_text(loop: ClosedLoop) -> str:
     """The C text of the loop as batches run it."""
     return kernel_text(trace(loop), watched_signals(loop), LANES, False)[0]
+
+
+def _facts() -> Table:
+    """An empty table of names and what is told of them."""
+    facts = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    facts.add_column(style="dim")
+    return facts
 
 
 def _adaptation(model: Model) -> str:

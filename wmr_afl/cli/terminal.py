@@ -22,8 +22,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-console = Console()
-errors = Console(stderr=True)
+console = Console(highlight=False)
+errors = Console(stderr=True, highlight=False)
 
 Experiment = Annotated[str, typer.Argument(help="A shipped experiment, or a TOML file.")]
 Out = Annotated[Path, typer.Option(help="Folder for the results.")]
@@ -52,7 +52,7 @@ def reporting() -> Iterator[None]:
 
 def say(text: str) -> None:
     """Print a line without markup and colours."""
-    console.print(escape(text), highlight=False)
+    console.print(escape(text))
 
 
 def progress_bar() -> Progress:

@@ -65,7 +65,8 @@ def vary(experiment: Experiment, controller: str, loop: ClosedLoop, differences:
         WmrError: if a name is ambiguous, or a robot cannot have its numbers.
     """
     ensemble, faults = vary_where_possible(experiment, controller, loop, differences)
-    for robot, (problem, remedy) in sorted(faults.items())[:1]:
+    if faults:
+        robot, (problem, remedy) = min(faults.items())
         where = f"robot {robot}: " if ensemble.count > 1 else ""
         raise WmrError(where + problem, remedy)
     return ensemble

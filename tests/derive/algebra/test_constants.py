@@ -37,6 +37,16 @@ def test_sums_with_other_angles_are_resolved() -> None:
     assert sp.N(resolved.subs({a: 0.2, x: 0.1}) - sp.sin(0.5) - sp.tan(0.1)) == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.parametrize("function", [sp.sin, sp.cos, sp.tan])
+@pytest.mark.parametrize("times", [-3, -2, -1, 1, 2, 3])
+def test_an_angle_is_turned_by_a_decimal_as_often_as_it_is_written(times: int, function: sp.Function) -> None:
+    """To either side of a sum of others."""
+    constants = Constants()
+    resolved = constants.exact(function(a + x + times * constants.in_angle(sp.Rational("0.3"))))
+    assert resolved.free_symbols == {a, x}
+    assert float(resolved.subs({a: 0.2, x: 0.1})) == pytest.approx(float(function(0.3 + 0.3 * times)), abs=1e-15)
+
+
 def test_fractions_of_pi_stay_as_they_are() -> None:
     constants = Constants()
     assert constants.in_angle(a + sp.pi / 4) == a + sp.pi / 4

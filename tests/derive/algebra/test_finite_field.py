@@ -25,6 +25,8 @@ PART = sp.Rational("0.37") * a
         sp.cos(a + sp.pi / 6) - (sp.sqrt(3) * sp.cos(a) - sp.sin(a)) / 2,
         sp.sqrt(x**2 + 1) ** 4 - (x**2 + 1) ** 2,
         sp.sqrt(23 * 37) - sp.sqrt(23) * sp.sqrt(37),
+        sp.sqrt(3 * 32771**2 * 32789) - 32771 * sp.sqrt(3 * 32789),  # which SymPy does not see
+        sp.sqrt(sp.Rational(5, 32771**2 * 32789)) - sp.sqrt(5 * 32789) / (32771 * 32789),
         sp.cos(PART + a) - sp.cos(a) * sp.cos(PART) + sp.sin(a) * sp.sin(PART),
         sp.cos(a / 17 + a) - sp.cos(a) * sp.cos(a / 17) + sp.sin(a) * sp.sin(a / 17),
         sp.sin(a + sp.atan(x)) - (sp.sin(a) + x * sp.cos(a)) / sp.sqrt(1 + x**2),

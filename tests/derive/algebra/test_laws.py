@@ -196,6 +196,7 @@ KNOWN = Parameters(frozenset({L}), frozenset({p1, p2}))
         (x * p1 + x * p2) ** -1,
         1 / (p1 * x + p1 * sp.sin(y) + p2 * x + p2 * sp.sin(y)),
         (p1 * sp.sin(y) ** 2 / sp.cos(y) + p1 * sp.cos(y)) ** -2,
+        1 / (p1 * x * (x - 1) + p2 * x * (x - 1)),
         (p1 * (1 + sp.sin(y) ** 2) + p2 * sp.sin(y) ** 2 + p2) ** -1 * (p1 * x + p2),
         sp.S.Zero,
     ],

@@ -12,6 +12,7 @@ import sympy as sp
 from typer.testing import CliRunner
 
 from derive.__main__ import app
+from derive.codegen.write import differences
 from derive.derivation import _rank_at, derive_robot
 from tests.conftest import DESCRIPTIONS, ROOT
 from tests.derive.descriptions import AHEAD, derivation_of, motor, part, robot, wheel
@@ -180,6 +181,22 @@ def test_check_says_whether_a_folder_is_up_to_date(folder: Path) -> None:
     assert "not up to date" not in done.stdout
     assert "is not up to date; run the same without --check" in " ".join(done.stderr.split())
     assert file.read_text() == before
+
+
+@pytest.mark.parametrize("name", ["small/old_model.py", "gone/model.json", "notes.txt"])
+@pytest.mark.parametrize("hidden", [".notes", "small/.swap", "small/__pycache__/model.pyc", ".git/info/exclude"])
+def test_a_difference_is_what_is_missing_and_what_is_left_over_in_plain_sight(
+    name: str, hidden: str, tmp_path: Path
+) -> None:
+    """Not what is hidden, or in a hidden folder, or compiled by Python."""
+    for place in ("small/model.json", name, hidden):
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / place).write_text("{}")
+    is_left = f"left over: {tmp_path / name} is not generated from the robots named\n"
+    assert differences({"small/model.json": "{}", name: "{}"}, tmp_path) == ""
+    assert differences({"small/model.json": "{}"}, tmp_path) == is_left
+    missing = f"missing: {tmp_path / 'z.py'}\n"
+    assert differences({"small/model.json": "{}", "z.py": ""}, tmp_path) == is_left + missing
 
 
 def test_the_command_writes_the_files_of_a_robot(tmp_path: Path) -> None:

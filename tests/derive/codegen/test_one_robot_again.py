@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from derive.codegen.arguments import unit_text, units_of
+from derive.codegen.arguments import arguments_of, unit_text, units_of
 from derive.codegen.write import Files, differences, generate_one
 from tests.conftest import DESCRIPTIONS, ROOT
 from tests.derive.descriptions import AHEAD, derivation_of, files_of, motor, part, robot, wheel
@@ -91,6 +91,15 @@ def test_the_motion_that_is_told_needs_no_look_at_the_code(files: Files) -> None
     assert {"inverse_regressor", "inverse_base_parameters", "passivity_regressor", "regressor"} <= set(
         model["functions"]
     )
+
+
+def test_a_speed_that_adds_lengths_to_angles_has_no_unit_and_stops_nothing() -> None:
+    """Nor has the force on it, and what follows from them; all others have theirs."""
+    v = {"v": "x_dot*cos(phi) + y_dot*sin(phi)", "s": "phi_dot + x_dot*cos(phi) + y_dot*sin(phi)"}
+    axle = (wheel("left", at=("0", "b")), wheel("right", at=("0", "-b")), motor("left"), motor("right"))
+    units = {name: argument.units for name, argument in arguments_of(derivation_of(robot(*axle, v=v))).items()}
+    assert units["x"] == ("m", "m", "rad", "m/s", "?")
+    assert (units["w"], units["a"], units["v_r"]) == (("N", "?"), ("m/s^2", "?"), ("m/s", "?"))
 
 
 ARM = part("frames", name="arm", parent="body", at=["a", "0"], angle="g")

@@ -40,6 +40,25 @@ def test_printed_arithmetic_has_the_value_of_the_expression(expression: sp.Expr)
     assert value == pytest.approx(float(expression.subs(NUMBERS)), rel=1e-14)
 
 
+@pytest.mark.parametrize("inner", [sp.Mul, sp.Add])
+@pytest.mark.parametrize("outer", [sp.Mul, sp.Add])
+def test_what_is_computed_first_stays_so(outer: type, inner: type) -> None:
+    """In brackets, a product in a product, too: another order would round otherwise."""
+    text = PythonCode({}).doprint(outer(x, inner(y, z, evaluate=False), evaluate=False))
+    assert ("(" in text) == (outer is sp.Mul or inner is sp.Add)
+
+
+@pytest.mark.parametrize("base", [x, x + y, x * y, sp.sin(x)], ids=str)
+@pytest.mark.parametrize("power", [*range(-10, -1), *range(2, 11)])
+def test_powers_from_the_third_to_the_eighth_are_products(power: int, base: sp.Expr) -> None:
+    """Which take less time than a general power."""
+    expression = base**power
+    text = PythonCode({}).doprint(expression)
+    value = eval(text, CALLS | {symbol.name: number for symbol, number in NUMBERS.items()})  # noqa: S307
+    assert value == pytest.approx(float(expression.subs(NUMBERS)), rel=1e-14)
+    assert ("**" in text) == (not 3 <= abs(power) <= 8)
+
+
 @pytest.mark.parametrize(
     "matrix",
     [

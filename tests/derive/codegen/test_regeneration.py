@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from derive.codegen.write import Files, differences, files_of, generate_one
+from derive.codegen.write import differences, files_of
 from derive.derivation import Derivation
 from tests.conftest import DESCRIPTIONS, ROBOTS, ROOT
 
@@ -64,23 +64,6 @@ def test_check_shows_an_edited_line(copy: Path) -> None:
     assert done.returncode == 1
     assert "-    cos_phi = -cos(phi)\n+    cos_phi = cos(phi)" in done.stdout
     assert file.read_text() == before
-
-
-@pytest.fixture(scope="module")
-def files() -> Files:
-    return {f"type_2_0/{name}": text for name, text in generate_one(DESCRIPTIONS["type_2_0"]).items()}
-
-
-def test_a_missing_file_is_named(copy: Path, files: Files) -> None:
-    (copy / "type_2_0" / "model.json").unlink()
-    assert differences(files, copy) == f"missing: {copy}/type_2_0/model.json\n"
-
-
-@pytest.mark.parametrize("name", ["type_2_0/old_model.py", "gone/numpy_model.py"])
-def test_a_file_that_is_left_over_is_named(copy: Path, files: Files, name: str) -> None:
-    (copy / name).parent.mkdir(exist_ok=True)
-    (copy / name).write_text("")
-    assert differences(files, copy) == f"left over: {copy}/{name} is not generated from the robots named\n"
 
 
 def test_deriving_again_writes_the_same_bytes(tmp_path: Path) -> None:

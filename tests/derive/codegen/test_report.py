@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import sympy as sp
 
+from derive.algebra.formula_text import TOO_LONG
 from derive.codegen.derivation_report import _name, _Tex
 from derive.codegen.findings import _obstacle, _straight_line, findings
+from derive.control.decoupling_determinant import Determinant
 from derive.control.internal_dynamics import StraightLine
 from derive.control.nonlinearity import Obstacle
 from derive.derivation import Derivation
@@ -35,6 +39,7 @@ def small() -> Derivation:
         ("x_dot", r"\dot{x}"),
         ("trailer_1_turning_v", r"\mathrm{trailer\_1\_turning\_v}"),
         ("speed", r"\mathrm{speed}"),
+        ("kt", r"\mathrm{kt}"),
         ("K1", "K_{1}"),
         ("0.25", "0.25"),
         ("0.2*pi", r"0.2 \pi"),
@@ -87,6 +92,45 @@ def test_the_denominator_of_an_obstacle_is_told(small: Derivation) -> None:
     assert _obstacle(small, Obstacle(a / long, False, 20, 20))["denominator"] == "far_too_long"
     for mixed, rank, proof in ((True, 19, False), (False, 20, False), (True, 20, True)):
         assert Obstacle(1 / named, mixed, rank, 20).is_proof is proof
+
+
+@pytest.mark.parametrize("count", [60, 61])
+def test_sixty_operations_can_be_read_and_one_more_cannot(count: int, small: Derivation) -> None:
+    """Then the name of the term stands there."""
+    whole = sp.Add(*(sp.Symbol(f"t{k}", real=True) for k in range(count + 1)))
+    assert sp.count_ops(whole) == count
+    named, tex = small.terms.name(f"sum_of_{count}", whole), _Tex(small)
+    shown = whole if count == 60 else named
+    assert tex(named) == tex.plain(shown)
+    assert [name for name, _ in tex.named_terms()] == ([] if count == 60 else [_name(named.name)])
+    assert _obstacle(small, Obstacle(1 / named, True, 20, 20))["denominator"] == str(shown)
+
+
+def test_what_no_brackets_tell_is_not_guessed(small: Derivation) -> None:
+    """Growth and degree are those of nothing, and control is not claimed."""
+    found = findings(replace(small, mobility=replace(small.mobility, growth=None)))
+    assert (found["growth_vector"], found["degree_of_nonholonomy"], found["controllable"]) == ([], 0, False)
+
+
+@pytest.mark.parametrize("depth", [1, 40], ids=["readable", "too deep"])
+@pytest.mark.parametrize("count", [2, 40], ids=["short", "long"])
+def test_a_denominator_stands_beside_the_determinant_that_names_it_and_nowhere_else(
+    depth: int, count: int, small: Derivation
+) -> None:
+    """A long one of a determinant that can be read: with it in its place the text is the determinant."""
+    numerator, denominator = phi, sp.Add(*(sp.Symbol(f"theta{k}", real=True) for k in range(count)))
+    for _ in range(depth):
+        numerator = sp.sin(numerator)
+    assert small.control is not None
+    determinant = Determinant(True, L, numerator / denominator, sp.S.One)
+    found = findings(replace(small, control=replace(small.control, determinant=determinant)))
+    told, beside = found["det_decoupling_matrix"], found["det_denominator"]
+    assert ("Delta" in told) == (beside is not None) == (count > 2 and depth == 1)
+    assert (told == TOO_LONG) == ("det_decoupling_matrix" in found.get("not_found_out", {})) == (depth > 1)
+    if depth == 1:
+        names = {symbol.name: symbol for symbol in (L, *numerator.free_symbols, *denominator.free_symbols)}
+        value = sp.sympify(told, locals=names | ({"Delta": sp.sympify(beside, locals=names)} if beside else {}))
+        assert sp.simplify(value - determinant.whole) == 0
 
 
 def test_findings_of_a_small_robot_are_what_is_known_of_it(small: Derivation) -> None:

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from derive.algebra.evaluation import NotFinite
 from derive.algebra.named_terms import Terms
+from derive.codegen import trusted_values
 from derive.codegen.json_text import json_text
 from derive.codegen.python_code import WIDTH, PythonCode, assigned, unpacked
 from derive.codegen.rendering import _docstring, _filled, _literal, _wrapped
@@ -66,6 +68,7 @@ def test_json_is_read_back_and_what_fits_stands_on_a_line(count: int) -> None:
     content = {"a": 1, "list": [LETTERS[:7]] * count, "table": {f"k{k}": {"x": [k, None, True]} for k in range(count)}}
     text = json_text(content)
     assert json.loads(text) == content
+    assert json_text({"ω": "Grün"}) == '{\n  "ω": "Grün"\n}\n'
     assert text.endswith("}\n")
     assert all(len(line.rstrip(",")) < 120 for line in text.splitlines())
     for length in range(90, 120):
@@ -249,6 +252,28 @@ def test_a_simple_product_says_what_it_is_and_others_are_numbered(product: sp.Ex
         assert name in names
 
 
+@pytest.mark.parametrize("length", [10, 23, 24, 25, 59, 60, 61, 120])
+def test_what_is_short_and_used_once_has_no_name(length: int) -> None:
+    """A sum that is returned, of less than 60 letters, and a call in it, of less than 24."""
+    terms, long = Terms(), [sp.Symbol(count * "n") for count in (length - 8, length - 5)]
+    alone, call = terms.name("alone", a + b + long[0]), sp.sin(long[1])
+    assert len(str(terms.definitions[alone])) == len(str(call)) == length
+    returned, summed, twice = (
+        statements(sp.Matrix([row]), terms, ()) for row in ([alone], [call + c], [alone, -alone])
+    )
+    assert (returned.assignments == []) == (length < 60)
+    assert (summed.assignments == []) == (length < 24)
+    assert twice.assignments != []
+
+
+@pytest.mark.parametrize("power", [1, 2, 3, 8, 9, -1, -2, -3, sp.S.Half, 3 * sp.S.Half], ids=str)
+def test_a_call_is_computed_once_however_often_its_power_repeats_it(power: sp.Expr) -> None:
+    steps = statements(sp.Matrix([[sp.sin(a) ** power + c]]), Terms(), ())
+    code = PythonCode(steps.names, steps.inlined, steps.negated)
+    text = [code.doprint(one) for one in (*(expression for _, expression in steps.assignments), steps.entries[0, 0])]
+    assert sum(line.count("sin(") for line in text) == 1
+
+
 def test_numbered_terms_are_added_in_the_order_of_their_lines() -> None:
     """As long as their numbers have one digit each."""
     powers = [(a + k) ** 4 for k in range(1, 10)]
@@ -292,6 +317,15 @@ def test_a_power_of_a_symbol_is_named_and_other_terms_are_numbered(expression: s
     assert _Names([]).fresh("lambda").name == "lambda_"
 
 
+def test_no_two_names_are_the_same() -> None:
+    """Also those of calls that are too long for a name of their own."""
+    names = _Names(["a"])
+    assert [names.fresh("a").name for _ in range(3)] == ["a_", "a__", "a___"]
+    long = [sp.cos(sp.Add(*(sp.Symbol(f"a_long_name_{k}") for k in range(n)))) for n in (5, 6, 7)]
+    assert [names.of_function(call).name for call in long] == ["cos_1", "cos_1_", "cos_1__"]
+    assert [names.of_term(b**2, 1).name for _ in range(2)] == ["b_squared", "b_squared_"]
+
+
 @pytest.mark.parametrize(
     ("expected", "found", "lost"),
     [
@@ -308,6 +342,36 @@ def test_what_rounding_costs_is_told_of_the_worst_entry(expected: list, found: l
     with mpmath.workprec(53):
         assert float(_lost({"f": expected}, {"f": found})) == pytest.approx(lost, abs=1e-14)
         assert float(_lost({"g": [1.0], "f": expected}, {"g": [1.0], "f": found})) == pytest.approx(lost, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("losses", "chosen", "count"),
+    [
+        ([1e-14, 0.0], 0, 1),
+        ([0.5, 0.1, 1e-14, 0.0], 2, 3),
+        ([0.5, None, 0.1, 0.1, *[0.2] * 36], 2, 40),
+        ([None, 2e-13, 0.0], 1, 2),
+        ([*[None] * 39, 0.9], 39, 40),
+    ],
+)
+def test_the_first_arguments_are_taken_at_which_doubles_agree(
+    losses: list[float | None], chosen: int, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else the best of forty; where a function has no value they are passed over."""
+    tried: list[int] = []
+
+    def at(derivation: None, functions: list, attempt: int) -> dict:
+        lost = losses[attempt]
+        is_double = mpmath.mp.prec == 53
+        if not is_double:
+            tried.append(attempt)
+        if lost is None:
+            raise NotFinite(a)
+        return {"attempt": attempt, "values": {"f": [1.0 + (lost if is_double else 0.0)]}}
+
+    monkeypatch.setattr(trusted_values, "_at", at)
+    assert trusted_values.trusted_values(None, [])["attempt"] == chosen  # type: ignore[arg-type]
+    assert tried == list(range(count))
 
 
 def test_arguments_are_well_spread() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from typer.testing import CliRunner
 
 import wmr_afl
 from tests.wmr_afl.controllers.test_waypoints import experiment
-from wmr_afl.analysis.feasibility import Demand, demand
+from wmr_afl.analysis.feasibility import Demand, Doubt, _beyond, demand
 from wmr_afl.cli import app
 from wmr_afl.experiments.experiment import find_experiment, read_experiment
 
@@ -100,3 +101,15 @@ def test_a_model_without_passivity_form_is_asked_by_the_linearizing_law(
 def test_what_is_no_experiment_is_told() -> None:
     done = CliRunner().invoke(app, ["check-reference", "nothing"])
     assert done.exit_code == 2
+
+
+@pytest.mark.parametrize("count", [1, 4, 5, 7])
+def test_of_many_stretches_four_are_told_and_the_rest_as_one(count: int) -> None:
+    """From the beginning of the first of them to the end of the last."""
+    time = np.arange(0.0, 40.0, 0.5)
+    command = np.where((time % 5.0 < 1.0) & (time < 5.0 * count), -4.0, 1.0)[:, None]
+    run = SimpleNamespace(time=time, command=command)
+    found = list(_beyond(run, np.ones(len(time), dtype=bool), np.array([3.0]), ["u"]))  # type: ignore[arg-type]
+    whole = [Doubt("u would need up to 4 V of 3 V", 5.0 * k, 5.0 * k + 0.5) for k in range(min(count, 4))]
+    rest = [Doubt(f"u {count - 4} times more,", 20.0, 5.0 * (count - 1) + 0.5)] if count > 4 else []
+    assert found == whole + rest

@@ -39,6 +39,9 @@ def test_slip_is_drawn_over_what_it_is() -> None:
         drawn = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
         np.testing.assert_array_equal(drawn["measured"], slip[:, index])
         np.testing.assert_array_equal(drawn["of the robot"], true[:, index])
+    told = [text.get_text() for text in panels[0].get_legend().get_texts()]
+    assert told == [line.get_label() for line in panels[0].get_lines()]
+    assert [axes.get_legend() for axes in panels[1:]] == [None] * (len(panels) - 1)
     alone = plots.overview({"a": run(slip=slip, slip_names=names)}, "title")["slip_a"].axes
     assert [len(axes.get_lines()) for axes in alone] == [1, 1]
     assert "slip_a" not in plots.overview({"a": run()}, "title")

@@ -139,6 +139,10 @@ def test_a_loop_is_shown_with_its_sizes_and_operations() -> None:
     step = trace(loop)
     work = [k for k in range(step.n_instructions()) if step.instruction_id(k) not in (0,)]
     assert 0 < int(table["operations of a step"][1]) < len(work)
+    (counts,) = [row[0] for row in rows(done.output) if row and ", add " in row[0]]
+    counted = dict(one.split() for one in counts.split(", "))
+    assert {"add", "mul", "sin", "fmin"} <= counted.keys()
+    assert sum(map(int, counted.values())) == int(table["operations of a step"][1])
     program = print_loop(step, LANES)
     assert f"{len(program.robot)} lines for each robot, before its first step" in done.output
     assert f"{len(program.time)} lines for each step, the same for all robots" in done.output
@@ -292,7 +296,7 @@ def test_a_place_that_cannot_be_written_is_told_before_the_work(
     def working(*given: Any, **named: Any) -> None:
         pytest.fail("it was run first")
 
-    for module, name in ((runs, "run_with_progress"), (reproduction, "run_with_progress"), (campaigns, "campaign")):
+    for module, name in ((runs, "run_with_progress"), (reproduction, "run_with_progress"), (campaigns, "compare")):
         monkeypatch.setattr(module, name, working)
     (tmp_path / "file").write_text("")
     place = tmp_path / "file" / ("one.gif" if arguments[0] == "animate" else "below")
@@ -336,6 +340,28 @@ def test_a_campaign_prints_success_quantiles_and_worst_runs(short: Path, tmp_pat
     other = call("campaign", short, "--runs", 3, "--controller", "frozen estimates", "--out", tmp_path / "out")
     assert "3 runs of frozen estimates" in other.output
     assert (tmp_path / "out" / "short" / "campaign_frozen_estimates" / "summary.json").exists()
+
+
+def test_several_controllers_are_compared_and_none_of_them_is_replayed(
+    short: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One table and one folder for all; a run is of one."""
+    compared: list[tuple[list[str], Path]] = []
+    monkeypatch.setattr(campaign_plots, "write", lambda result, folder: [folder / "summary.json"])
+    monkeypatch.setattr(campaign_plots, "write_comparison", lambda all, to: compared.append((list(all), to)) or [to])
+    short.write_text(SHORT.replace("Gamma = { log_uniform = [0.5, 2.0] }", ""))
+    both = ("--controller", "AFL", "--controller", "frozen estimates")
+    done = call("campaign", short, "--runs", 3, "--out", "out", *both)
+    assert done.exit_code == 0, done.output
+    folder = Path("out", "short")
+    assert compared == [(["AFL", "frozen estimates"], folder / "comparison")]
+    assert done.output.startswith("3 runs, seed 1, the same draws for each")
+    assert {"AFL", "frozen estimates"} <= {row[0] for row in rows(done.output) if row}
+    for name in ("AFL", "frozen_estimates"):
+        assert f"summary.json in {folder / f'campaign_{name}'}" in done.output
+    replayed = call("campaign", short, "--replay", 1, "--out", "out", *both)
+    assert replayed.exit_code == 2
+    assert "a replay is of one controller, not of AFL, frozen estimates" in replayed.stderr
 
 
 def test_a_campaign_begins_anew_only_if_told(short: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -384,10 +410,13 @@ def test_an_animation_plays_as_long_as_it_is_told(short: Path, monkeypatch: pyte
     )
     done = call("animate", short, "--seconds", 0.5)
     assert done.exit_code == 0, done.output
+    assert done.stdout.splitlines() == ["results/short/AFL.gif"]
     call("animate", short, "--seconds", 4, "--controller", "frozen estimates", "--out", tmp_path / "my.gif")
-    (run, file, fps, speed), (other, named, _, slow) = seen
+    (run, file, fps, speed), (other, named, _, slow) = seen[:2]
     assert (run.controller, file, fps, speed) == ("AFL", Path("results/short/AFL.gif"), 12, 4.0)
     assert (other.controller, named, slow) == ("frozen estimates", tmp_path / "my.gif", 0.5)
+    for seconds in (0.1, 45):
+        assert call("animate", short, "--seconds", seconds).exit_code == 0
     short.write_text(WILD)
     failed = call("animate", short, "--seconds", 1)
     assert failed.exit_code == 1

@@ -176,6 +176,27 @@ def test_estimates_gains_and_bounds_follow_each_robot() -> None:
         np.testing.assert_allclose(one["projection.upper"], 1.9 * theta, rtol=1e-14)
 
 
+@pytest.mark.parametrize("place", ["parameters", "estimates", "gains", ""])
+def test_a_scale_is_a_factor_on_what_stands_at_its_place(place: str) -> None:
+    """Of each robot on its own; of other names there nothing changes, and unknown ones are refused with the place."""
+    name, whole, entry = {
+        "parameters": ("m_C", "p", list(MODEL.parameter_units).index("m_C")),
+        "estimates": (THETAS[2], "theta_hat", 2),
+        "gains": ("outer_loop.b1", "outer_loop.b1", 0),
+        "": ("b2", "outer_loop.b2", 1),
+    }[place]
+    key = f"{place}.{name}" if place else name
+    usual, *_ = varied(Differences(start={"x": [2.5, 2.5]}), controller__projection=None)
+    scaled = varied(Differences(scale={key: [2.0, 1.5]}), controller__projection=None)
+    for one, factor in zip(scaled, (2.0, 1.5), strict=True):
+        assert one[whole][entry] == pytest.approx(factor * usual[whole][entry], rel=1e-14)
+        others = np.arange(usual[whole].size) != entry
+        if place in ("parameters", "estimates"):
+            np.testing.assert_array_equal(one[whole][others], usual[whole][others])
+    with pytest.raises(UnknownNameError, match="nothing'"):
+        varied(Differences(scale={f"{place}.nothing" if place else "nothing": [1.0]}))
+
+
 def test_seeds_belong_to_loops_that_draw() -> None:
     """Without noise there are none; with it they are the given ones, or the experiment's for all."""
     experiment = validate(tables(uncertainties=NOISE), Experiment, "one.toml")
@@ -450,3 +471,36 @@ def test_a_law_stays_within_its_own_limit_or_else_that_of_the_drive(own: Any, dr
     drives = {"uncertainties": {"input_limits": {"volts": drive}}} if drive else {}
     found = loop(controllers={"AFL": controller}, **drives)
     assert found.values.get("effort.limit") == expected
+
+
+@pytest.mark.parametrize("law", ["linearizing", "composite", "direct", "frozen"])
+@pytest.mark.parametrize("samples", [0, 1, 3])
+def test_commands_under_way_are_remembered_if_the_drive_is_late(samples: int, law: str) -> None:
+    """By each law that observes, but for the linearizing one, which expects what the applied voltages do."""
+    controller = {
+        "law": law,
+        "measures": "pose",
+        **({"outer_loop": {"bandwidth": 9.0}} if law == "linearizing" else {}),
+    }
+    drive = {"uncertainties": {"input_delay": {"seconds": 0.02 * samples}}} if samples else {}
+    found = loop(controllers={"AFL": controller}, **drive).law.states
+    sizes = {name: value.size for name, value in found.items() if name.startswith("under_way.")}
+    remembered = {"under_way.accelerations": 2 * samples, "under_way.removed": 2 * samples}
+    assert sizes == (remembered if samples and law != "linearizing" else {})
+
+
+@pytest.mark.parametrize("law", ["linearizing", "composite", "direct", "frozen"])
+@pytest.mark.parametrize(
+    ("table", "observer"),
+    [
+        ({}, None),
+        ({"measures": "pose"}, "PoseObserver"),
+        ({"measures": "pose", "observer": {"kind": "kalman"}}, "KalmanObserver"),
+        ({"observer": {"kind": "kalman"}}, "KalmanObserver"),
+        ({"observer": {"kind": "pose"}}, "PoseObserver"),
+    ],
+)
+def test_the_state_is_measured_or_observed_as_the_file_says(table: dict, observer: str | None, law: str) -> None:
+    controller = {"law": law, **({"outer_loop": {"bandwidth": 9.0}} if law == "linearizing" else {}), **table}
+    found = loop(controllers={"AFL": controller}).law.sight.observer
+    assert (None if found is None else type(found).__name__) == observer

@@ -108,7 +108,7 @@ class CampaignResult:
 
     @checked
     def describe(self, index: int) -> dict[str, Any]:
-        """One run: what it drew, when it failed, and its measures.
+        """One run: what it drew, when it failed, and its measures; -1 is the last one.
 
         Raises:
             WmrError: if there is no such run.
@@ -117,7 +117,7 @@ class CampaignResult:
             raise WmrError(f"there is no run {shown(index)}", f"runs are counted from 0 to {len(self) - 1}")
         failure = self.runs.failure_time[index]
         return {
-            "run": int(index),
+            "run": int(index) % len(self),
             "drawn": {name: column[index].item() for name, column in self.draws.items()},
             "failed_at": None if np.isnan(failure) else float(failure),
             "cause": str(self.runs.failure_cause[index]) or None,

@@ -210,6 +210,20 @@ def test_errors_are_drawn_with_their_transients(found: Beyond) -> None:
     assert {text.get_text() for text in figure.legends[0].get_texts()} == set(FEW)
     assert whole_slip.patches
     assert not whole.patches
+    assert FIRST[0] == 0.0 < FIRST[1]
+    assert SLIPS[0] < SLIP[0] < SLIPS[1] < SLIP[1]  # when the wheels begin to slip
+    smoothed = "RMS over one period of the force"
+    titles = ["the first seconds", smoothed, "when the wheels begin to slip", smoothed]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == titles
+    assert [axes.get_ylabel() for axes in figure.axes] == ["study 2: distance [mm]", "", "study 3: distance [mm]", ""]
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "time [s]", "time [s]"]
+    assert [[text.get_text() for text in axes.texts] for axes in figure.axes] == [[], [], [], ["slip"]]
+    assert {axes.get_yscale() for axes in figure.axes} == {"log"}
+    assert (first.get_xlim(), slips.get_xlim(), figure._suptitle.get_text()) == (
+        FIRST,
+        SLIPS,
+        CAPTIONS["beyond_errors"],
+    )
 
 
 def test_curves_are_the_share_of_robots_below_an_error(found: Beyond) -> None:
@@ -219,6 +233,13 @@ def test_curves_are_the_share_of_robots_below_an_error(found: Beyond) -> None:
         for line, scores in zip(axes.get_lines(), found.scores[study].values(), strict=True):
             np.testing.assert_allclose(line.get_xdata(), 1e3 * np.sort(scores.worse[window]))
             np.testing.assert_allclose(line.get_ydata(), [50.0, 100.0])
+    titles = [f"{which}, {found.count} robots" for which in ("study 2, since 10 s", "study 3, while the wheels slip")]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == titles
+    assert {axes.get_xlabel() for axes in figure.axes} == {"RMS error of the worse output [mm]"}
+    assert [axes.get_ylabel() for axes in figure.axes] == ["robots that stay below [%]", ""]
+    assert {axes.get_xscale() for axes in figure.axes} == {"log"}
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == list(found.scores["study_2"])
+    assert figure._suptitle.get_text() == CAPTIONS["beyond_robots"]
 
 
 def test_the_report_holds_every_table_figure_and_law(found: Beyond, tmp_path: Path) -> None:
@@ -226,7 +247,8 @@ def test_the_report_holds_every_table_figure_and_law(found: Beyond, tmp_path: Pa
     pictures = {name: tmp_path / f"{name}.png" for name in CAPTIONS}
     for png in pictures.values():
         png.write_bytes(b"picture")
-    page = write_report({}, pictures, found, tmp_path / "report.html").read_text()
+    page = write_report({}, {"fig4": png, **pictures}, found, tmp_path / "report.html").read_text()
+    assert page.count("<img") == len(CAPTIONS)  # the paper's figures stand with its studies
     told = html.unescape(re.sub(r"<[^>]*>", "", page))
     for one in found.sheets:
         assert one.title in told

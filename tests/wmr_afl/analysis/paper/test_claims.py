@@ -116,7 +116,7 @@ def test_estimates_are_bounded_if_they_hardly_grow_at_the_end(experiment: str) -
         grows = run(estimate=signal(-2.0, (1.0, 2.0), (late, -2.12), columns=6))
         assert not judged(claim, name, grows).is_met
         assert judged(claim, name, run(estimate=signal(-2.0, (1.0, 2.0), (late, -2.08), columns=6))).is_met
-        assert judged(claim, name, run(estimate=signal(1.0, (SETTLED * 140.0 - 0.5, 9.0), columns=6))).is_met
+        assert judged(claim, name, run(estimate=signal(1.0, (SETTLED * 140.0, 9.0), columns=6))).is_met
         assert not judged(claim, name, FAILED).is_met
     assert judged(claim, NAMES[experiment][0], run(estimate=np.full((len(TIME), 6), 3.0))).is_met
 
@@ -207,10 +207,15 @@ def test_a_figure_of_the_paper_shows_the_runs_that_its_caption_names(figure: str
         np.testing.assert_array_equal(picture.axes[1].get_lines()[1].get_ydata(), runs["AFL"].input[:, 1])
     if figure == "fig5":
         assert len(picture.axes[0].get_lines()) == 6
-    if figure in ("fig6", "fig8", "high_gain", "fig10"):
-        path, first, second = picture.axes
-        for axes, output in ((first, 0), (second, 1)):
+    if figure in ("fig4", "fig6", "fig8", "high_gain", "fig10"):  # two panels share the time below them
+        upper, lower = picture.axes[1:]
+        assert (upper.get_xlabel(), lower.get_xlabel()) == ("", "time [s]")
+        assert [axes.xaxis.get_tick_params()["labelbottom"] for axes in (upper, lower)] == [False, True]
+        what = "output" if figure == "fig4" else "error"
+        for index, axes in enumerate((upper, lower)):
             found = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
             for name in expected[figure]:
-                np.testing.assert_array_equal(found[name], runs[name].error[:, output])
+                np.testing.assert_array_equal(found[name], getattr(runs[name], what)[:, index])
+    if figure in ("fig6", "fig8", "high_gain", "fig10"):
+        path, first, _ = picture.axes
         assert (path.get_title(loc="left"), first.get_title(loc="left")) == ("(a)", "(b)")

@@ -9,7 +9,7 @@ import pytest
 
 import wmr_afl
 from tests.wmr_afl.experiments.campaigns.handmade import INF, NAN, result
-from wmr_afl.experiments.campaigns import job
+from wmr_afl.experiments.campaigns import job, runner, workers
 from wmr_afl.experiments.campaigns.job import ensemble_of, loop_of, prepare, run_block
 from wmr_afl.experiments.campaigns.ledger import Ledger, clear
 from wmr_afl.experiments.campaigns.result import LEVELS, wilson
@@ -85,6 +85,21 @@ def test_a_run_is_described_by_what_it_drew_and_what_it_came_to() -> None:
     failed = one.describe(1)
     assert (failed["failed_at"], failed["RMS error of y1 [m]"]) == (7.0, None)
     assert failed["cause"] == "diverged; lower the gains"
+    assert [one.describe(index) for index in (-2, -1)] == [one.describe(0), failed]
+    for index in (-3, 2):
+        with pytest.raises(WmrError, match=f"no run {index}; runs are counted from 0 to 1"):
+            one.describe(index)
+
+
+def test_controllers_are_compared_by_the_larger_error_of_their_outputs() -> None:
+    """Median, 99 % and worst; null where so many runs failed."""
+    errors = [[k / 1000, (201 - k) / 2000] for k in range(1, 201)]
+    larger = sorted(max(row) for row in errors)
+    found = result(errors).brief()
+    assert [found[key] for key in ("rms_median", "rms_99", "rms_worst")] == [larger[100], larger[198], larger[199]]
+    failing = result([[INF, INF], *errors[1:]], [2.0, *[NAN] * 199]).brief()
+    assert (failing["rms_worst"], failing["failed"], failing["causes"]) == (None, 1 / 200, {"diverged": 1})
+    assert failing["rms_median"] is not None
 
 
 def test_a_summary_counts_what_there_is() -> None:
@@ -278,6 +293,25 @@ def test_a_campaign_gathers_its_blocks_in_order(tmp_path: Path) -> None:
     for wrong in (0, 10_000_001):
         with pytest.raises(WmrError, match="choose 1 to 10000000"):
             wmr_afl.campaign(path, wrong)
+
+
+def test_blocks_that_are_left_go_to_the_scheduler(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the job and the number of threads; if none is left, nobody is asked."""
+    asked: list[tuple] = []
+
+    def on_cluster(job: job.Job, wanted: workers.Wanted, threads: int, scheduler: str) -> workers.Finished:
+        asked.append((job.controller, list(wanted), threads, scheduler))
+        return workers.here(job, wanted, threads)
+
+    monkeypatch.setattr(runner, "on_cluster", on_cluster)
+    path, given = tmp_path / "one.toml", ("other", 2, "casadi", "tcp://there:1")
+    path.write_text(EXPERIMENT)
+    there = wmr_afl.campaign(path, 3, tmp_path / "out", *given)
+    again = wmr_afl.campaign(path, 3, tmp_path / "out", *given)
+    here = wmr_afl.campaign(path, 3, None, *given[:3])
+    assert asked == [("other", [(0, 3)], 2, "tcp://there:1")]
+    for one in (again, here):
+        np.testing.assert_array_equal(one.runs.rms, there.runs.rms)
 
 
 def test_a_ledger_keeps_whole_blocks_of_one_campaign(tmp_path: Path) -> None:

@@ -189,6 +189,16 @@ def test_excitation_is_the_integral_of_the_regressors_square_over_each_window(st
     np.testing.assert_allclose(later.starts, turn + 0.5 * turn * np.arange(5), atol=2.0 * step)
 
 
+@pytest.mark.parametrize("samples", [10, 14, 15, 19])
+def test_every_window_ends_within_the_run(samples: int) -> None:
+    """Windows of ten samples, half a window apart, as many as have all of their samples."""
+    run = run_with(np.ones((samples, 1, 1)), 0.1, ("a",))
+    found = excitation(run, np.ones(1), window=0.9 if samples < 11 else 1.0)
+    length = 9 if samples < 11 else 10
+    np.testing.assert_allclose(found.starts, 0.1 * np.arange(0, samples - length + 1, length // 2), atol=1e-12)
+    np.testing.assert_allclose(found.level, 0.1 * length, rtol=1e-12)
+
+
 def test_a_window_without_excitation_is_enough_to_break_persistence() -> None:
     """Every window must excite, though the whole run determines everything."""
     step = 2.0 * np.pi / 100.0

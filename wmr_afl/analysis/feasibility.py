@@ -57,16 +57,17 @@ def demand(experiment: Experiment, path: Path, reference: Reference | None = Non
     Raises:
         InputError: if the experiment does not fit its robot.
     """
-    limited = experiment.uncertainties.input_limits
     loop = _knowing(experiment, path)
     loop = loop if reference is None else replace(loop, reference=reference)
     motors = list(loop.model.input_units)
-    bounds = np.full(len(motors), np.inf) if limited is None else np.broadcast_to(limited.volts, len(motors))
+    least, most = _limits(experiment.uncertainties, len(motors))
     run = simulate(loop, experiment.simulation.duration, "exact", "casadi")
     late = run.time >= SETTLED / _rate(experiment)
-    needed = np.abs(run.command[late]).max(axis=0, initial=0.0)
+    lowest, highest = run.command[late].min(axis=0, initial=0.0), run.command[late].max(axis=0, initial=0.0)
+    is_below = (lowest / least > highest / most) | ((lowest / least == highest / most) & (-lowest > highest))
+    needed, bounds = np.where(is_below, -lowest, highest), np.where(is_below, -least, most)
     doubts = [*_jumps(loop.reference, sample_times(loop, experiment.simulation.duration))]
-    doubts += [*_beyond(run, late, bounds, motors)]
+    doubts += [*_beyond(run, late, (least, most), motors)]
     if run.failure is not None:
         doubts.append(Doubt(f"{run.failure.cause},", run.failure.time, run.failure.time))
     doubts += [Doubt(warning, 0.0, float(run.time[-1])) for warning in run.warnings if "at its stop" in warning]
@@ -104,17 +105,32 @@ def _jumps(reference: Reference, times: Floats) -> Iterator[Doubt]:
             yield Doubt(f"{name} jumps by {off[index].max():.3g}", float(times[index + 1]), float(times[index + 1]))
 
 
-def _beyond(run: Run, late: NDArray[np.bool_], bounds: Floats, motors: list[str]) -> Iterator[Doubt]:
+def _limits(uncertainties: UncertaintiesTable, motors: int) -> tuple[Floats, Floats]:
+    """What each motor gets at least and at most [V], of what software and drive allow; infinite without limits."""
+    least, most = np.full(motors, -np.inf), np.full(motors, np.inf)
+    if uncertainties.input_limits is not None:
+        volts = np.broadcast_to(uncertainties.input_limits.volts, motors)
+        least, most = np.maximum(least, np.negative(volts)), np.minimum(most, volts)
+    if uncertainties.command_limits is not None:
+        table = uncertainties.command_limits
+        lowest = np.negative(table.most) if table.least is None else table.least
+        least = np.maximum(least, np.broadcast_to(lowest, motors))
+        most = np.minimum(most, np.broadcast_to(table.most, motors))
+    return least, most
+
+
+def _beyond(run: Run, late: NDArray[np.bool_], limits: tuple[Floats, Floats], motors: list[str]) -> Iterator[Doubt]:
     """Each stretch of time in which a motor would need more than it has; stretches closer than a second are one."""
     for index, name in enumerate(motors):
-        over = np.flatnonzero(late & (np.abs(run.command[:, index]) > bounds[index]))
+        u, (least, most) = run.command[:, index], (one[index] for one in limits)
+        over = np.flatnonzero(late & ((u > most) | (u < least)))
         if not len(over):
             continue
         breaks = np.flatnonzero(np.diff(run.time[over]) > 1.0)
         stretches = np.split(over, breaks + 1)
         for stretch in stretches[:MOST]:
-            most = np.abs(run.command[stretch, index]).max()
-            what = f"{name} would need up to {most:.3g} V of {bounds[index]:g} V"
+            farthest = u[stretch][np.argmax(np.maximum(u[stretch] / most, u[stretch] / least))]
+            what = f"{name} would need up to {abs(farthest):.3g} V of {most if farthest > 0 else -least:g} V"
             yield Doubt(what, float(run.time[stretch[0]]), float(run.time[stretch[-1]]))
         if len(stretches) > MOST:
             first, last = stretches[MOST][0], stretches[-1][-1]

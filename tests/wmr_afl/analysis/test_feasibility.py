@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import wmr_afl
+from tests.conftest import EXPERIMENTS
 from tests.wmr_afl.controllers.test_waypoints import experiment
 from wmr_afl.analysis.feasibility import Demand, Doubt, _beyond, demand
 from wmr_afl.cli import app
@@ -58,6 +59,26 @@ def test_where_motors_have_less_is_told_with_the_times(tmp_path: Path) -> None:
     assert done.exit_code == 1
     assert "u_r would need up to" in done.output
     assert "between" in done.output
+
+
+def test_limits_of_software_count_on_their_side(tmp_path: Path) -> None:
+    """Backwards a robot has what `least` allows, forwards the lesser of drive and software."""
+    straight = 'expressions = { y1 = "15 + SPEED*t", y2 = "25" }'
+    for speed, limits, bound in (
+        (0.4, "command_limits = { most = 0.4, least = -9.0 }", "0.4 V"),
+        (0.4, "command_limits = { most = 9.0, least = -0.4 }", ""),
+        (-0.4, "command_limits = { most = 9.0, least = -0.4 }", "0.4 V"),
+        (0.4, "command_limits = { most = 9.0 }\ninput_limits = { volts = 0.3 }", "0.3 V"),
+    ):
+        text = (EXPERIMENTS / "study_1.toml").read_text()
+        circle = "circle = { center = [10.0, 25.0], radius = 7.5, rate = 0.05 }"
+        assert circle in text
+        text = text.replace(circle, straight.replace("SPEED", str(speed))).replace("140.0", "10.0")
+        file = tmp_path / "limited.toml"
+        file.write_text(text.replace("[shared]", f"[uncertainties]\n{limits}\n\n[shared]", 1))
+        found = demand(*read_experiment(file))
+        assert bool(found.doubts) == bool(bound), found
+        assert all(f"of {bound}" in doubt.what for doubt in found.doubts)
 
 
 def test_a_jump_is_told_with_its_time(tmp_path: Path) -> None:
@@ -109,7 +130,7 @@ def test_of_many_stretches_four_are_told_and_the_rest_as_one(count: int) -> None
     time = np.arange(0.0, 40.0, 0.5)
     command = np.where((time % 5.0 < 1.0) & (time < 5.0 * count), -4.0, 1.0)[:, None]
     run = SimpleNamespace(time=time, command=command)
-    found = list(_beyond(run, np.ones(len(time), dtype=bool), np.array([3.0]), ["u"]))  # type: ignore[arg-type]
+    found = list(_beyond(run, np.ones(len(time), dtype=bool), (np.array([-3.0]), np.array([3.0])), ["u"]))  # type: ignore[arg-type]
     whole = [Doubt("u would need up to 4 V of 3 V", 5.0 * k, 5.0 * k + 0.5) for k in range(min(count, 4))]
     rest = [Doubt(f"u {count - 4} times more,", 20.0, 5.0 * (count - 1) + 0.5)] if count > 4 else []
     assert found == whole + rest

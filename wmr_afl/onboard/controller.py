@@ -32,6 +32,7 @@ from wmr_input.errors import plain, shown
 
 PARTS = ("yr", "yr1", "yr2")  # of a setpoint
 SAME = 1e-6  # of a sample time, by which clocks jitter: steps that differ less are a sample time, as in the simulator
+ARRAY = np.ndarray  # looked up at every sample
 MEASURED = "fiuO"  # NumPy's types of what is measured: no truth values, no text
 UNSOUND = "measure again; where Dhat is inverted bound the estimates, else keep away from there"
 LATEST = 1e11  # [s], some 3000 years: beyond, the clock counts something else than seconds
@@ -178,9 +179,8 @@ class Controller(Fixed):
                 step, call = self._last[1], self._runner.same_sample
             else:
                 step = self._step(time, passed)
-            self._seen[0] = Status.BAD_MEASUREMENT  # unless what follows says otherwise
             try:
-                self._x[:] = x if type(x) is np.ndarray else self._converted(x)
+                self._x[:] = x if type(x) is ARRAY else self._converted(x)
             except ValueError:  # an array of other numbers, or of another shape
                 self._x[:] = self._converted(x)
             self._dt[0], self._clock[0] = step, time
@@ -190,7 +190,7 @@ class Controller(Fixed):
             status = self._seen[0] = call() if is_usual else self._attended(call, applied)
             if status:
                 raise SimulationError(*self._unsound(time, Status(status)))
-            self._last[:] = time, step
+            self._last[0], self._last[1] = time, step
             return self._u.copy()
 
     def _refused(self, status: Status) -> None:
@@ -268,6 +268,7 @@ class Controller(Fixed):
 
     def _converted(self, x: ArrayLike) -> Floats:
         """What is measured as numbers; of the whole state what is measured of it."""
+        self._seen[0] = Status.BAD_MEASUREMENT  # unless what follows says otherwise
         measured = real_numbers("x", x, kinds=MEASURED)
         if measured.shape == (len(self.model.state_units),) != self._shape and self.law.measurement is not None:
             picked = self.law.measurement.picked(measured)  # whoever has all of the state may give it

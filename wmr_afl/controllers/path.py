@@ -15,6 +15,7 @@ from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
 
 FINE, FINEST = 20, 1000  # places between two points, and on the way to full speed, at which speed is found
+FASTEST = 1e-100, 1e100  # beyond, a limit cannot be squared
 SPREAD = 0.2  # [s] over which acceleration changes unless told otherwise
 KNOT = 0.02  # [s] between points once the path has its times
 LONGEST = 1e5  # [s] that a drive may take
@@ -46,6 +47,8 @@ def along(
     for name, value in limits.items():
         if value is not None and not value > 0.0:
             raise WmrError(f"{name} is {value:g}", "choose a positive limit")
+        if value is not None and not FASTEST[0] < value < FASTEST[1]:
+            raise WmrError(f"{name} is {value:g}", f"choose a limit between {FASTEST[0]:g} and {FASTEST[1]:g}")
     check_points(np.arange(len(next(iter(columns.values()), ())), dtype=float), columns)
     values = np.stack(list(columns.values()), axis=1)
     chords = np.linalg.norm(np.diff(values[:, :2], axis=0), axis=1)

@@ -168,6 +168,9 @@ def test_two_points_with_free_ends_are_a_straight_line(between: Between) -> None
         (lambda: along({"y1": [0.0, 0.0], "y2": [1.0, 1.0]}, 1.0, 1.0), "points 1 and 2 are the same"),
         (lambda: along({"y1": [0.0, 1.0]}, 0.0, 1.0), "speed is 0; choose a positive limit"),
         (lambda: along({"y1": [0.0, 1.0]}, 1.0, 1.0, lateral=-1.0), "lateral is -1"),
+        (lambda: along({"y1": [0.0, 1.0]}, 1e300, 1.0), r"speed is 1e\+300; choose a limit between"),
+        (lambda: along({"y1": [0.0, 1.0]}, 1.0, 1e300), r"acceleration is 1e\+300; choose a limit between"),
+        (lambda: along({"y1": [0.0, 1.0]}, 1e-300, 1.0), "speed is 1e-300; choose a limit between"),
         (lambda: along({}, 1.0, 1.0), "no output has values"),
     ],
 )

@@ -71,6 +71,7 @@ def test_above_each_figure_it_stands_whose_runs_it_shows() -> None:
         assert draw(replace(one, controller="$x$")).get_suptitle() == r"3 runs of \$x\$"
     assert draw_comparison({"AFL": one, "other": one}).get_suptitle() == "3 runs, the same draws for each law"
     assert draw_success(one).get_supylabel() == "success [%]"
+    assert [axes.get_ylabel() for axes in draw_errors(one).axes] == ["runs that stay below [%]"]
 
 
 def test_files_of_a_campaign_are_its_summary_and_two_figures(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ class Diagnostics:
     at_bound: tuple[str, ...]  # estimates that lie on a bound
     reference_age: float | None  # [s] since the last setpoint of a buffer, negative if there are points to come
     observed: Floats | None  # x as an observer makes it out
-    surprise: float | None  # [m, rad], by how much what is measured differs from what an observer expected
+    surprise: float | None  # [m, rad], by how much what is measured differs from what an observer or the gate expected
 
 
 class Controller(Fixed):
@@ -63,8 +63,7 @@ class Controller(Fixed):
     stay as they are for that sample: nobody knows what happened in between. Parts that compare a sample with the last
     one, as least squares and a reference model, then begin again.
 
-    `drive`: what the robot's drive does to a command, such as limits and a delay: what has no memory is done to the
-    voltages that are returned, and all of it is taken into account by a law that looks at the applied input.
+    `drive`: what the robot's drive does to a command, such as limits and a delay, see `SampledLaw`.
 
     `gate` [output units]: a sample whose outputs are farther from what the last one leads to is refused.
 
@@ -132,8 +131,7 @@ class Controller(Fixed):
         """
         loaded = load_experiment(experiment)
         loop = loaded.loops[loaded.name(controller)]
-        drive = [part for part in loop.plant.uncertainties if part.is_of_drive]
-        reference = loop.reference
+        reference, drive = loop.reference, loop.plant.drive
         if is_live:
             reference = LiveReference(list(loop.model.output_units), reference.counts_turns)
         return cls(loop.model, loop.law, reference, loop.sample_time, drive, hears_applied=hears_applied, gate=gate)
@@ -196,9 +194,14 @@ class Controller(Fixed):
     def _refused(self, status: Status) -> None:
         """What `diagnostics` tells of a call that came to nothing."""
         with self._lock:
-            self._seen[:] = status, None
-            for told in self._runner.told.values():
-                told[:] = 0.0
+            self._seen[1] = None
+            self._nothing(status)
+
+    def _nothing(self, status: Status) -> None:
+        """The same within a call, unless what follows says otherwise."""
+        self._seen[0] = status
+        for told in self._runner.told.values():
+            told[:] = 0.0
 
     def _order(self, outputs: tuple[str, ...]) -> list[int]:
         """Where the model's outputs lie in a buffer's.
@@ -231,7 +234,9 @@ class Controller(Fixed):
 
         Raises:
             ShapeError: if it does not fit.
+            SimulationError: if it is not finite, or the controller was not built to hear of it.
         """
+        self._nothing(Status.BAD_MEASUREMENT)
         if self._told is None:
             raise SimulationError(
                 "the controller does not hear of applied voltages", "build it with hears_applied=True"
@@ -268,7 +273,7 @@ class Controller(Fixed):
 
     def _converted(self, x: ArrayLike) -> Floats:
         """What is measured as numbers; of the whole state what is measured of it."""
-        self._seen[0] = Status.BAD_MEASUREMENT  # unless what follows says otherwise
+        self._nothing(Status.BAD_MEASUREMENT)
         measured = real_numbers("x", x, kinds=MEASURED)
         if measured.shape == (len(self.model.state_units),) != self._shape and self.law.measurement is not None:
             picked = self.law.measurement.picked(measured)  # whoever has all of the state may give it
@@ -418,7 +423,7 @@ class Controller(Fixed):
         """The time since the last sound update [s]; before the first one a sample time."""
         if passed == inf and abs(time) < LATEST:  # the first one
             return self.sample_time
-        self._seen[0] = Status.BAD_TIME_STEP  # unless what follows says otherwise
+        self._nothing(Status.BAD_TIME_STEP)
         if passed < 0.0:
             raise SimulationError(f"time went back from {self._last[0]} s to {time} s", "call reset() to start again")
         if abs(time) >= LATEST:

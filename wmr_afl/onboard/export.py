@@ -103,9 +103,8 @@ def export(
 
 def onboard(loop: ClosedLoop, gate: float | None = None) -> SampledLaw:
     """The law of a loop as it runs on the robot: with the drive that it knows, and given each setpoint."""
-    drive = [part for part in loop.plant.uncertainties if part.is_of_drive]
     reference = LiveReference(list(loop.model.output_units), loop.reference.counts_turns)
-    return SampledLaw(loop.model, loop.law, reference, loop.sample_time, drive, gate=gate)
+    return SampledLaw(loop.model, loop.law, reference, loop.sample_time, loop.plant.drive, gate=gate)
 
 
 def vectors(loop: ClosedLoop, sampled: SampledLaw, samples: int, is_single: bool = False) -> tuple[Floats, float]:

@@ -81,6 +81,11 @@ class Plant(Fixed):
             taken += part.samples
         return x
 
+    @property
+    def drive(self) -> list[Uncertainty]:
+        """What the robot's drive does to commands, in order, which a controller on the robot may know."""
+        return [part for part in self.uncertainties if part.is_of_drive]
+
     def applied(self, u: Array, z: SimpleNamespace, k: SimpleNamespace, arrays: Arrays) -> Array:
         """The voltages that reach the motors while u is commanded, (n_u,)."""
         for _, part, state, own in self.uncertainties.with_states(z, k):

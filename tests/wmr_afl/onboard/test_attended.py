@@ -119,6 +119,7 @@ def test_applied_voltages_that_are_handed_back_teach_as_if_the_drive_had_been_kn
         before = hears.states
         with pytest.raises(WmrError, match="applied"):
             hears.update(1e3, np.zeros(len(hears.measured)), applied=wrong)
+        assert hears.diagnostics.status == Status.BAD_MEASUREMENT
         np.testing.assert_array_equal(hears.states, before)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from math import isnan
 from pathlib import Path
 
@@ -20,6 +21,7 @@ from .algebra.named_terms import Terms
 from .algebra.separation import Parameters
 from .control.adaptive_form import AdaptiveForm, adaptive_form
 from .control.decoupling_determinant import Determinant, decoupling_determinant
+from .control.effort_form import EffortForm, effort_form
 from .control.internal_dynamics import InternalDynamics, internal_dynamics
 from .control.linearization import Linearization, linearize
 from .control.passivity_form import PassivityForm, passivity_form
@@ -56,6 +58,7 @@ class Derivation:
     adaptive: AdaptiveForm
     reference_velocities: tuple[Symbol, ...]  # v_r
     passivity: PassivityForm | str  # or in a sentence why there is none
+    effort: EffortForm | str  # or in a sentence why there is none
     control: Control | None  # None if the description wants the model alone
     missed: dict[str, str]  # findings that were not found out, and why
 
@@ -63,6 +66,11 @@ class Derivation:
     def passive(self) -> PassivityForm | None:
         """The form for adaptation by passivity, if there is one."""
         return None if isinstance(self.passivity, str) else self.passivity
+
+    @property
+    def efforts(self) -> EffortForm | None:
+        """The form for identification, if there is one."""
+        return None if isinstance(self.effort, str) else self.effort
 
     @property
     def terms(self) -> Terms:
@@ -134,7 +142,8 @@ def _derive(robot: Robot, progress: Progress) -> Derivation:
     adaptive = adaptive_form(
         kinematics, dynamics, None if isinstance(passivity, str) else passivity, a, parameters, attempts
     )
-    _check_base_parameters(kinematics, adaptive, () if isinstance(passivity, str) else passivity.parameters)
+    effort = effort_form(kinematics, dynamics, passivity, a, parameters)
+    _check_base_parameters(kinematics, adaptive, passivity, effort)
     control = None
     if linearization is not None:
         progress("decoupling matrix")
@@ -142,7 +151,7 @@ def _derive(robot: Robot, progress: Progress) -> Derivation:
         progress("internal dynamics")
         control = Control(linearization, determinant, internal_dynamics(kinematics, linearization, attempts))
     return Derivation(
-        robot, kinematics, mobility, dynamics, parameters, adaptive, v_r, passivity, control, attempts.missed
+        robot, kinematics, mobility, dynamics, parameters, adaptive, v_r, passivity, effort, control, attempts.missed
     )
 
 
@@ -180,10 +189,13 @@ def _check_defaults(kinematics: Kinematics, dynamics: Dynamics, linearization: L
             raise robot.reader.mistake(table, f"with the default parameters {problem}", _other_defaults(robot))
 
 
-def _check_base_parameters(kinematics: Kinematics, adaptive: AdaptiveForm, pi: tuple[Expr, ...]) -> None:
+def _check_base_parameters(
+    kinematics: Kinematics, adaptive: AdaptiveForm, passivity: PassivityForm | str, effort: EffortForm | str
+) -> None:
     """Base parameters have a value at the default parameters: a length by which they are divided is not zero."""
     inverse = () if adaptive.inverse is None else adaptive.inverse.base_parameters
-    if any(isnan(kinematics.at_defaults(parameter)) for parameter in (*adaptive.base_parameters, *inverse, *pi)):
+    forms = [form.parameters for form in (passivity, effort) if not isinstance(form, str)]
+    if any(isnan(kinematics.at_defaults(parameter)) for parameter in chain(adaptive.base_parameters, inverse, *forms)):
         problem = "a base parameter of the dynamics is not finite with the default parameters"
         raise kinematics.robot.reader.mistake("[parameters]", problem, _other_defaults(kinematics.robot))
 

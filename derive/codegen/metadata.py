@@ -40,6 +40,10 @@ class Metadata:
     passivity_parameter_formulas: dict[str, str]
     passivity_groups: list[dict[str, Any]]  # rows and parameters that share an uncertain factor
     passivity_obstacle: str | None  # why there are none
+    effort_parameters: dict[str, str]
+    effort_parameter_formulas: dict[str, str]
+    gain_ratio_formulas: dict[str, str]  # input -> its motor's gain by that of the first one in the same rows; not ones
+    effort_obstacle: str | None  # why there are none
     geometry: dict[str, dict[str, dict[str, str | list[str]]]]
     slip_rows: list[dict[str, str]]  # of each row of the slip matrix the wheel and its direction, or the joint
     findings: dict[str, Any]
@@ -64,6 +68,7 @@ def describe(derivation: Derivation) -> Metadata:
 
     inverse = numbered(d.adaptive.inverse.base_parameters if d.adaptive.inverse else ())
     pi = numbered(d.passive.parameters if d.passive else ())
+    effort = numbered(d.efforts.parameters if d.efforts else ())
     return Metadata(
         name=d.robot.name,
         title=d.robot.title,
@@ -101,6 +106,14 @@ def describe(derivation: Derivation) -> Metadata:
             for group in (d.passive.groups if d.passive else ())
         ],
         passivity_obstacle=d.passivity if isinstance(d.passivity, str) else None,
+        effort_parameters=unit_table(effort),
+        effort_parameter_formulas={name: expanded(e) for name, e in effort.items()},
+        gain_ratio_formulas={
+            motor.input: formula(ratio)
+            for motor, ratio in zip(d.robot.motors, d.efforts.gain_ratios if d.efforts else (), strict=False)
+            if ratio != 1
+        },
+        effort_obstacle=d.effort if isinstance(d.effort, str) else None,
         geometry=geometry(d.robot),
         slip_rows=[row.about for row in d.kinematics.slip_rows],
         findings=findings(derivation),

@@ -55,6 +55,7 @@ def _docstring(one: Program) -> list[str]:
         "",
         *(f"{argument.name}: {_described(argument)}" for argument in quantity.arguments),
         f"Returns: shape {shape} = {size}; {operations} operation{plural}.",
+        *(["The function that it calls gives the same here."] if quantity.call else []),
     ]
     return [part for line in lines for part in (textwrap.wrap(line, WIDTH, subsequent_indent="    ") if line else [""])]
 

@@ -10,10 +10,19 @@ from sympy import Matrix, Symbol
 
 from ..control.adaptive_form import AdaptiveForm
 from ..control.base_parameters import LinearMap
+from ..control.effort_form import EffortForm
 from ..control.linearization import Linearization
 from ..control.passivity_form import PassivityForm
 from ..derivation import Derivation
 from .arguments import Argument, arguments_of
+
+
+@dataclass(frozen=True)
+class Call:
+    """A generated function, and what it is given: arguments, or the last entries of one, as `x[3:]`."""
+
+    function: str
+    arguments: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -26,6 +35,7 @@ class Quantity:
     shape: tuple[str, ...]  # in the field's symbols: ("n", "n-m"); one entry for a vector
     equation: str  # the paper's number, or the theory's section
     meaning: str
+    call: Call | None = None  # of another generated function that gives the same
 
     @property
     def is_vector(self) -> bool:
@@ -58,6 +68,7 @@ class Entry:
     equation: str
     meaning: str
     expression: Callable[[Derivation], Matrix | None]
+    call: Callable[[Derivation], Call | None] = lambda derivation: None
 
     def of(self, derivation: Derivation, arguments: Mapping[str, Argument]) -> Quantity | None:
         """The quantity of one robot."""
@@ -65,7 +76,8 @@ class Entry:
         if expression is None:
             return None
         chosen = tuple(arguments[name] for name in self.arguments.split())
-        return Quantity(self.name, chosen, expression, tuple(self.shape.split()), self.equation, self.meaning)
+        shape, call = tuple(self.shape.split()), self.call(derivation)
+        return Quantity(self.name, chosen, expression, shape, self.equation, self.meaning, call)
 
 
 def _jacobian(derivation: Derivation, variables: Iterable[Symbol]) -> Matrix:
@@ -86,6 +98,22 @@ def _inverse(build: Callable[[LinearMap, AdaptiveForm], Matrix]) -> Callable[[De
 def _passive(build: Callable[[PassivityForm, Derivation], Matrix | None]) -> Callable[[Derivation], Matrix | None]:
     """What robots have whose motors act by uncertain factors on known motions."""
     return lambda d: None if d.passive is None else build(d.passive, d)
+
+
+def _effort(build: Callable[[EffortForm], Matrix | None]) -> Callable[[Derivation], Matrix | None]:
+    """What robots have whose motors act through known lengths."""
+    return lambda d: None if d.efforts is None else build(d.efforts)
+
+
+def _of_passivity(function: str, *arguments: str) -> Callable[[Derivation], Call | None]:
+    """The function for adaptation by passivity, where it gives the same; `v` is the end of the state."""
+
+    def call(d: Derivation) -> Call | None:
+        if d.efforts is None or not d.efforts.of_passivity:
+            return None
+        return Call(function, tuple(f"x[{len(d.kinematics.q)}:]" if one == "v" else one for one in arguments))
+
+    return call
 
 
 QUANTITIES = (
@@ -156,6 +184,24 @@ QUANTITIES = (
     Entry(
         "passivity_parameters", "p", "n_pi", "(14) over Delta", "pi(p) of R u = Y pi",
         _passive(lambda form, d: Matrix(len(form.parameters), 1, list(form.parameters))),
+    ),
+    Entry(
+        "effort_map", "q c", "n-m n_u", "(14), rows of X^T u", "R(q): rows of X^T over an uncertain factor",
+        _effort(lambda form: form.effort_map), _of_passivity("allocation", "q", "c"),
+    ),
+    Entry(
+        "gain_ratios", "p", "n_u", "(14), rows of X^T u", "rho: torque gains over that of the first motor there",
+        _effort(lambda form: Matrix(form.gain_ratios) if form.has_ratios else None),
+    ),
+    Entry(
+        "effort_regressor", "x a c", "n-m n_e", "(14), rows of X^T u",
+        "Y: R diag(rho) u = Y pi brings about v' = a", _effort(lambda form: form.regressor),
+        _of_passivity("passivity_regressor", "x", "v", "a", "c"),
+    ),
+    Entry(
+        "effort_parameters", "p", "n_e", "(14), rows of X^T u", "pi(p) of R diag(rho) u = Y pi",
+        _effort(lambda form: Matrix(len(form.parameters), 1, list(form.parameters))),
+        _of_passivity("passivity_parameters", "p"),
     ),
     Entry("output", "q c", "n-m", "(17)", "y = h(q)", _outputs(lambda lin, form: Matrix(list(lin.outputs.values())))),
     Entry("output_jacobian", "q c", "n-m n", "(19)", "J_h = dh/dq", _outputs(lambda lin, form: lin.output_jacobian)),

@@ -12,7 +12,7 @@ where every column is: motors of unequal gain.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import sympy as sp
@@ -53,6 +53,15 @@ class PassivityForm:
         """Y (n-m, n_pi)."""
         return _at((*self.accelerations, *self.reference_velocities), self.slopes)
 
+    def regressor_at(self, v: tuple[Symbol, ...]) -> Matrix:
+        """Y at v_r = v, (n-m, n_pi)."""
+        return _at((*self.accelerations, *v), self.slopes)
+
+    @property
+    def scales(self) -> list[Expr]:
+        """Delta (n-m,)."""
+        return [next(group.scale for group in self.groups if i in group.rows) for i in range(self.allocation.rows)]
+
     def momentum_regressor(self, v: tuple[Symbol, ...]) -> Matrix:
         """N (n-m, n_pi)."""
         return _at(v, self.slopes[: len(v)])
@@ -78,11 +87,11 @@ def passivity_form(
     """The form, or in a sentence why there is none and which parameter would have to be known."""
     scaled = _scaled(dynamics.input_matrix, kinematics, parameters)
     if scaled is None:
-        return _obstacle(dynamics.input_matrix, kinematics, parameters)
+        return obstacle_of_lengths(dynamics.input_matrix, kinematics, parameters, _scaled)
     try:
         return _form(scaled, kinematics, dynamics, accelerations, reference_velocities, parameters)
     except NotSeparable as error:
-        unknown = _names(error.factor, parameters)
+        unknown = names_of_uncertain(error.factor, parameters)
         return f"{error.factor} mixes the state with parameters that are not known: list {unknown} in `known`"
 
 
@@ -107,19 +116,7 @@ def _form(
     force = dynamics.inertia_matrix * Matrix(a) + dynamics.coriolis_matrix * Matrix(v_r)
     if scaled.row_map is not None:
         force = scaled.row_map.adjugate() * force / factored(scaled.row_map.det(method="berkowitz"))
-    slopes = [sp.zeros(len(v), 0) for _ in (*a, *v_r)]
-    pi: list[Expr] = []
-    groups: list[Group] = []
-    for rows in _groups(scaled.scales, parameters):
-        scale = scaled.scales[rows[0]]
-        function = Matrix([force[i] / scale for i in rows])
-        found = linear_map(function, (*a, *v_r), parameters, terms, kinematics.at_defaults)
-        slopes = [
-            Matrix.hstack(whole, _in_rows(block, rows, len(v)))
-            for whole, block in zip(slopes, found.slopes, strict=True)
-        ]
-        groups.append(Group(rows, tuple(range(len(pi), len(pi) + len(found.base_parameters))), scale))
-        pi.extend(found.base_parameters)
+    (_, *slopes), pi, groups = in_groups(force, (*a, *v_r), scaled.scales, parameters, kinematics)
     momentum, still = _at(v, slopes[: len(v)]), _at(v, slopes[len(v) :])
     rate = momentum.applyfunc(lambda entry: terms.rate(entry, kinematics.rates))  # of q only: v is held
     return PassivityForm(
@@ -132,6 +129,30 @@ def _form(
         parameters=tuple(pi),
         groups=tuple(groups),
     )
+
+
+def in_groups(
+    force: Matrix, symbols: Sequence[Symbol], scales: Sequence[Expr], parameters: Parameters, kinematics: Kinematics
+) -> tuple[list[Matrix], list[Expr], list[Group]]:
+    """Delta^-1 `force` in base parameters, group by group: what they multiply without and with each of `symbols`.
+
+    Raises:
+        NotSeparable: If it is not linear in any.
+    """
+    blocks = [sp.zeros(force.rows, 0) for _ in (None, *symbols)]
+    pi: list[Expr] = []
+    groups: list[Group] = []
+    for rows in _groups(scales):
+        scale = scales[rows[0]]
+        function = Matrix([force[i] / scale for i in rows])
+        found = linear_map(function, symbols, parameters, kinematics.terms, kinematics.at_defaults)
+        blocks = [
+            Matrix.hstack(whole, _in_rows(block, rows, force.rows))
+            for whole, block in zip(blocks, (found.drift, *found.slopes), strict=True)
+        ]
+        groups.append(Group(rows, tuple(range(len(pi), len(pi) + len(found.base_parameters))), scale))
+        pi.extend(found.base_parameters)
+    return blocks, pi, groups
 
 
 def _at(values: Sequence[Symbol], slopes: Sequence[Matrix]) -> Matrix:
@@ -149,17 +170,17 @@ def _in_rows(block: Matrix, rows: tuple[int, ...], count: int) -> Matrix:
 
 def _scaled(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> _Scaled | None:
     """`matrix` = L Delta R with L or R the identity; None if it is neither."""
-    rows = _factored_rows(matrix, kinematics, parameters)
+    rows = factored_rows(matrix, kinematics, parameters)
     if rows is not None:
         return _Scaled(None, *rows)
-    columns = _factored_rows(matrix.T, kinematics, parameters) if matrix.is_square else None
+    columns = factored_rows(matrix.T, kinematics, parameters) if matrix.is_square else None
     if columns is None:
         return None
     scales, transposed = columns
     return _Scaled(transposed.T, scales, sp.eye(matrix.rows))
 
 
-def _factored_rows(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> tuple[list[Expr], Matrix] | None:
+def factored_rows(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> tuple[list[Expr], Matrix] | None:
     """Delta and R with `matrix` = Delta R, Delta positive at the defaults; None if there is none."""
     value, rest = kinematics.at_defaults, sp.zeros(*matrix.shape)
     scales: list[Expr] = []
@@ -169,7 +190,7 @@ def _factored_rows(matrix: Matrix, kinematics: Kinematics, parameters: Parameter
             return None
         first = next(parameter for entry in entries if entry for parameter in entry.values())
         scale = sp.Mul(*(f for f in sp.Mul.make_args(sp.factor(first)) if f.free_symbols & parameters.uncertain))
-        scale = next((s for s in scales if not _is_uncertain(s / scale, parameters)), scale)  # one for a group
+        scale = next((s for s in scales if not is_uncertain(s / scale, parameters)), scale)  # one for a group
         scale = -scale if value(scale) < 0 else scale
         for j, entry in enumerate(entries):
             ratios = {state: sp.cancel(parameter / scale) for state, parameter in (entry or {}).items()}
@@ -189,26 +210,36 @@ def _products(expression: Expr, terms: Terms, parameters: Parameters) -> dict[Ex
     return {state: parameter for (_, state), parameter in products.items() if not terms.is_zero(parameter)}
 
 
-def _is_uncertain(expression: Expr, parameters: Parameters) -> bool:
+def is_uncertain(expression: Expr, parameters: Parameters) -> bool:
     return bool(sp.cancel(expression).free_symbols & parameters.uncertain)
 
 
-def _groups(scales: list[Expr], parameters: Parameters) -> list[tuple[int, ...]]:
+def _groups(scales: Sequence[Expr]) -> list[tuple[int, ...]]:
     """Rows with the same factor."""
     return [tuple(i for i, other in enumerate(scales) if other == scale) for scale in dict.fromkeys(scales)]
 
 
-def _obstacle(matrix: Matrix, kinematics: Kinematics, parameters: Parameters) -> str:
-    """Why neither rows nor columns have uncertain factors, and what would have to be known."""
+def obstacle_of_lengths(
+    matrix: Matrix,
+    kinematics: Kinematics,
+    parameters: Parameters,
+    factors: Callable[[Matrix, Kinematics, Parameters], object | None],
+) -> str:
+    """Why `matrix` has no uncertain `factors`, and what would have to be known so that it has some."""
     involved = [p for p in kinematics.robot.parameters if p in parameters.uncertain]
     involved = [p for p in involved if any(p in kinematics.terms.atoms(entry) for entry in matrix)]
 
-    def cures(p: Symbol) -> bool:
-        return _scaled(matrix, kinematics, Parameters(parameters.known | {p}, parameters.uncertain - {p})) is not None
+    def cure(listed: Iterable[Symbol]) -> bool:
+        known = parameters.known | frozenset(listed)
+        return factors(matrix, kinematics, Parameters(known, parameters.uncertain - known)) is not None
 
-    remedy = " or ".join(p.name for p in involved if cures(p)) or ", ".join(p.name for p in involved)
+    needed = list(involved)
+    for p in involved:
+        if cure(set(needed) - {p}):
+            needed.remove(p)
+    remedy = " or ".join(p.name for p in involved if cure({p})) or ", ".join(p.name for p in needed)
     return f"motors of unequal gain act through uncertain lengths: list {remedy} in `known`"
 
 
-def _names(expression: Expr, parameters: Parameters) -> str:
+def names_of_uncertain(expression: Expr, parameters: Parameters) -> str:
     return ", ".join(sorted(s.name for s in expression.free_symbols & parameters.uncertain)) or "a parameter"

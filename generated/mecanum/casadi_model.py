@@ -734,6 +734,42 @@ def passivity_parameters(p):
 
 
 @_function(q=3, c=0)
+def effort_map(q, c):
+    """R(q): rows of X^T over an uncertain factor; equation (14), rows of X^T u.
+
+    q: generalized coordinates, (3,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_u) = (3, 4); 1 operation.
+    The function that it calls gives the same here.
+    """
+    return allocation(q, c)
+
+
+@_function(x=6, a=3, c=0)
+def effort_regressor(x, a, c):
+    """Y: R diag(rho) u = Y pi brings about v' = a; equation (14), rows of X^T u.
+
+    x: state [q; v], (6,)
+    a: accelerations v', (3,)
+    c: known constants, (0,)
+    Returns: shape (n-m, n_e) = (3, 7); 6 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_regressor(x, x[3:], a, c)
+
+
+@_function(p=11)
+def effort_parameters(p):
+    """pi(p) of R diag(rho) u = Y pi; equation (14), rows of X^T u.
+
+    p: physical parameters, (11,)
+    Returns: shape (n_e,) = (7,); 44 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_parameters(p)
+
+
+@_function(q=3, c=0)
 def output(q, c):
     """y = h(q); equation (17).
 

@@ -971,6 +971,42 @@ def passivity_parameters(p):
 
 
 @_function(q=6, c=4)
+def effort_map(q, c):
+    """R(q): rows of X^T over an uncertain factor; equation (14), rows of X^T u.
+
+    q: generalized coordinates, (6,)
+    c: known constants, (4,)
+    Returns: shape (n-m, n_u) = (2, 2); 1 operation.
+    The function that it calls gives the same here.
+    """
+    return allocation(q, c)
+
+
+@_function(x=8, a=2, c=4)
+def effort_regressor(x, a, c):
+    """Y: R diag(rho) u = Y pi brings about v' = a; equation (14), rows of X^T u.
+
+    x: state [q; v], (8,)
+    a: accelerations v', (2,)
+    c: known constants, (4,)
+    Returns: shape (n-m, n_e) = (2, 9); 72 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_regressor(x, x[6:], a, c)
+
+
+@_function(p=19)
+def effort_parameters(p):
+    """pi(p) of R diag(rho) u = Y pi; equation (14), rows of X^T u.
+
+    p: physical parameters, (19,)
+    Returns: shape (n_e,) = (9,); 50 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_parameters(p)
+
+
+@_function(q=6, c=4)
 def output(q, c):
     """y = h(q); equation (17).
 

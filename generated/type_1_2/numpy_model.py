@@ -1090,6 +1090,42 @@ def passivity_parameters(p):
 
 
 @_function(q=5, c=2)
+def effort_map(q, c):
+    """R(q): rows of X^T over an uncertain factor; equation (14), rows of X^T u.
+
+    q: generalized coordinates, (5,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_u) = (3, 3); 0 operations.
+    The function that it calls gives the same here.
+    """
+    return allocation.__wrapped__(q, c)
+
+
+@_function(x=8, a=3, c=2)
+def effort_regressor(x, a, c):
+    """Y: R diag(rho) u = Y pi brings about v' = a; equation (14), rows of X^T u.
+
+    x: state [q; v], (8,)
+    a: accelerations v', (3,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_e) = (3, 7); 67 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_regressor.__wrapped__(x, x[5:], a, c)
+
+
+@_function(p=13)
+def effort_parameters(p):
+    """pi(p) of R diag(rho) u = Y pi; equation (14), rows of X^T u.
+
+    p: physical parameters, (13,)
+    Returns: shape (n_e,) = (7,); 26 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_parameters.__wrapped__(p)
+
+
+@_function(q=5, c=2)
 def output(q, c):
     """y = h(q); equation (17).
 

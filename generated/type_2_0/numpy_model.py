@@ -500,6 +500,42 @@ def passivity_parameters(p):
 
 
 @_function(q=3, c=1)
+def effort_map(q, c):
+    """R(q): rows of X^T over an uncertain factor; equation (14), rows of X^T u.
+
+    q: generalized coordinates, (3,)
+    c: known constants, (1,)
+    Returns: shape (n-m, n_u) = (2, 2); 1 operation.
+    The function that it calls gives the same here.
+    """
+    return allocation.__wrapped__(q, c)
+
+
+@_function(x=5, a=2, c=1)
+def effort_regressor(x, a, c):
+    """Y: R diag(rho) u = Y pi brings about v' = a; equation (14), rows of X^T u.
+
+    x: state [q; v], (5,)
+    a: accelerations v', (2,)
+    c: known constants, (1,)
+    Returns: shape (n-m, n_e) = (2, 6); 3 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_regressor.__wrapped__(x, x[3:], a, c)
+
+
+@_function(p=10)
+def effort_parameters(p):
+    """pi(p) of R diag(rho) u = Y pi; equation (14), rows of X^T u.
+
+    p: physical parameters, (10,)
+    Returns: shape (n_e,) = (6,); 24 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_parameters.__wrapped__(p)
+
+
+@_function(q=3, c=1)
 def output(q, c):
     """y = h(q); equation (17).
 

@@ -593,6 +593,83 @@ def passivity_parameters(p):
 
 
 @_function(q=3, c=2)
+def effort_map(q, c):
+    """R(q): rows of X^T over an uncertain factor; equation (14), rows of X^T u.
+
+    q: generalized coordinates, (3,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_u) = (2, 2); 1 operation.
+    """
+    b = c[0]
+    out = _zeros((2, 2), q, c)
+    out[0, 0] = out[0, 1] = 1
+    out[1, 0] = b
+    out[1, 1] = -b
+    return out
+
+
+@_function(p=12)
+def gain_ratios(p):
+    """rho: torque gains over that of the first motor there; equation (14), rows of X^T u.
+
+    p: physical parameters, (12,)
+    Returns: shape (n_u,) = (2,); 1 operation.
+    """
+    K1_r, K1_l = p[8], p[9]
+    out = _zeros((2,), p)
+    out[0] = 1
+    out[1] = K1_l/K1_r
+    return out
+
+
+@_function(x=5, a=2, c=2)
+def effort_regressor(x, a, c):
+    """Y: R diag(rho) u = Y pi brings about v' = a; equation (14), rows of X^T u.
+
+    x: state [q; v], (5,)
+    a: accelerations v', (2,)
+    c: known constants, (2,)
+    Returns: shape (n-m, n_e) = (2, 5); 5 operations.
+    """
+    v, omega = x[3], x[4]
+    a_v, a_omega = a[0], a[1]
+    b = c[0]
+    out = _zeros((2, 5), x, a, c)
+    out[0, 0] = omega
+    out[0, 1] = out[1, 0] = v
+    out[0, 2] = -omega**2
+    out[0, 3] = a_v
+    out[1, 1] = b**2*omega
+    out[1, 2] = omega*v
+    out[1, 4] = a_omega
+    return out
+
+
+@_function(p=12)
+def effort_parameters(p):
+    """pi(p) of R diag(rho) u = Y pi; equation (14), rows of X^T u.
+
+    p: physical parameters, (12,)
+    Returns: shape (n_e,) = (5,); 26 operations.
+    """
+    r, b, d, m_C, m_w, I_m, I_C, K1_r, K2_r, K2_l = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[10], p[11]
+    r_squared_inverse = 1/(r**2)
+    K2_l_times_r_squared_inverse = K2_l*r_squared_inverse
+    r_over_K1_r = r/K1_r
+    coriolis_v_v = K2_r*r_squared_inverse + K2_l_times_r_squared_inverse
+    term_1 = 2*m_w
+    mass_platform = m_C + term_1
+    inertia_platform = I_C + 2*I_m + b**2*term_1 + d**2*m_C
+    out = _zeros((5,), p)
+    out[0] = r_over_K1_r*(K2_r*b*r_squared_inverse - b*K2_l_times_r_squared_inverse)
+    out[1] = coriolis_v_v*r_over_K1_r
+    out[2] = d*m_C*r_over_K1_r
+    out[3] = mass_platform*r_over_K1_r
+    out[4] = inertia_platform*r_over_K1_r
+    return out
+
+
+@_function(q=3, c=2)
 def output(q, c):
     """y = h(q); equation (17).
 

@@ -1276,6 +1276,42 @@ def passivity_parameters(p):
 
 
 @_function(q=5, c=3)
+def effort_map(q, c):
+    """R(q): rows of X^T over an uncertain factor; equation (14), rows of X^T u.
+
+    q: generalized coordinates, (5,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_u) = (3, 3); 4 operations.
+    The function that it calls gives the same here.
+    """
+    return allocation(q, c)
+
+
+@_function(x=8, a=3, c=3)
+def effort_regressor(x, a, c):
+    """Y: R diag(rho) u = Y pi brings about v' = a; equation (14), rows of X^T u.
+
+    x: state [q; v], (8,)
+    a: accelerations v', (3,)
+    c: known constants, (3,)
+    Returns: shape (n-m, n_e) = (3, 8); 91 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_regressor(x, x[5:], a, c)
+
+
+@_function(p=14)
+def effort_parameters(p):
+    """pi(p) of R diag(rho) u = Y pi; equation (14), rows of X^T u.
+
+    p: physical parameters, (14,)
+    Returns: shape (n_e,) = (8,); 21 operations.
+    The function that it calls gives the same here.
+    """
+    return passivity_parameters(p)
+
+
+@_function(q=5, c=3)
 def output(q, c):
     """y = h(q); equation (17).
 

@@ -191,6 +191,10 @@ class Metadata(_Part):
     passivity_parameters: Units
     passivity_groups: list[GroupEntry]
     passivity_obstacle: Formula | None
+    effort_parameters: Units
+    effort_parameter_formulas: dict[Name, Formula]
+    gain_ratio_formulas: dict[Name, Formula]
+    effort_obstacle: Formula | None
     geometry: GeometryEntry
     slip_rows: list[SlipEntry]
     findings: FindingsEntry
@@ -204,6 +208,7 @@ class Metadata(_Part):
             ("defaults", self.defaults, self.parameters),
             ("about", self.about, self.parameters),
             ("base_parameter_formulas", self.base_parameter_formulas, self.base_parameters),
+            ("effort_parameter_formulas", self.effort_parameter_formulas, self.effort_parameters),
             ("known", self.known, [one for one in self.parameters if one in self.known]),
             ("slip_rows", [row.motor for row in self.slip_rows if row.motor], self.inputs),
             ("findings pseudo_velocities", velocities, list(self.state)[-len(velocities) :]),
@@ -227,6 +232,7 @@ class Metadata(_Part):
             "n_u": len(self.inputs),
             "n_theta": len(self.base_parameters),
             "n_pi": len(self.passivity_parameters) or len(self.inverse_base_parameters),
+            "n_e": len(self.effort_parameters),
             "n_c": len(self.known),
             "n_p": len(self.parameters),
             "k": len(self.slip_rows),
@@ -242,6 +248,8 @@ class Metadata(_Part):
     @model_validator(mode="after")
     def _parts_are_there(self) -> Metadata:
         """Check that what slips is part of the robot, and what groups share one of its parameters."""
+        if not self.gain_ratio_formulas.keys() <= self.inputs.keys():
+            raise _Misfit("gain_ratio_formulas")
         grouped = {name for group in self.passivity_groups for name in group.parameters}
         if not grouped <= self.passivity_parameters.keys():
             raise _Misfit("passivity_groups")

@@ -28,6 +28,9 @@ class Dialect(ABC):
 
     def body(self, program: Program) -> list[str]:
         """Lines that read the arguments, compute the terms and return the result."""
+        call = program.quantity.call
+        if call is not None:
+            return [f"return {self.called(call.function)}({', '.join(call.arguments)})"]
         code = self.printer(program.names, program.steps.inlined, program.steps.negated)
         lines = [line for read in program.reads for line in self.unpacking(read.argument.name, read.names)]
         for symbol, expression in program.steps.assignments:
@@ -41,6 +44,10 @@ class Dialect(ABC):
     def assignment(self, targets: list[str], value: str) -> list[str]:
         """`value` under one or more names."""
         return assigned(targets, value)
+
+    def called(self, function: str) -> str:
+        """Another function of the module, as it is called from inside one."""
+        return function
 
     @abstractmethod
     def result(self, program: Program, code: PythonCode) -> list[str]:

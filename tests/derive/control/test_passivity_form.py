@@ -130,14 +130,14 @@ OFF_CENTRE = robot(
     ("text", "told"),
     [
         (UNEQUAL, "list b in `known`"),
-        (OFF_CENTRE, "list r, b, k, k2, b2 in `known`"),
-        (knowing(OFF_CENTRE, "r"), "list b, k, k2, b2 in `known`"),
+        (OFF_CENTRE, "list b, b2 in `known`"),
+        (knowing(OFF_CENTRE, "r"), "list b, b2 in `known`"),
         (knowing(OFF_CENTRE, "b"), "list b2 in `known`"),
     ],
     ids=["one length", "two lengths", "the radius is known", "one of two lengths is known"],
 )
 def test_the_parameters_are_named_that_would_have_to_be_known(text: str, told: str) -> None:
-    """One that is enough, or all that are not known yet; and nothing but these."""
+    """One that is enough, or as many as are needed; and nothing but these."""
     assert str(derivation_of(text).passivity).endswith(f": {told}")
 
 

@@ -133,6 +133,14 @@ BROKEN: list[tuple[str, str, str, Change]] = [
     ("momentum", "tractor_trailer", "rest_regressor", more),
     ("minimal passivity parameters", "type_2_0", "passivity_regressor", column(0, 2.0)),
     ("groups", "type_2_0", "passivity_regressor", entry(0, 3)),
+    ("effort", "mecanum", "effort_regressor", more),
+    ("effort", "type_2_0_uneven", "effort_regressor", more),
+    ("effort", "type_2_0_uneven", "effort_parameters", lambda value, *_: value * 1.0001),
+    ("effort", "type_2_0_uneven", "gain_ratios", lambda value, *_: value * 1.0001),
+    ("effort map", "type_2_1", "effort_map", entry(0, 1)),
+    ("effort map", "type_2_0_uneven", "gain_ratios", lambda value, *_: value * np.array([1.0, 1.0001])),
+    ("minimal effort parameters", "mecanum", "effort_regressor", column(0, 2.0)),
+    ("minimal effort parameters", "type_2_0_uneven", "effort_regressor", column(0, 0.0)),
     ("output map", "type_2_0", "output_map", more),
     ("output map", "type_2_0", "output_map_rate", more),
     ("output map rate", "type_2_0", "output_map_rate", more),
@@ -190,7 +198,7 @@ def test_a_law_sees_the_ninth_digit(name: str) -> None:
     """Seven where differences are taken."""
     _, robot, term, _ = CLOSE_LAWS[name]
     change = slightly_growing if name == "skew symmetry" else slightly
-    if name in ("differences", "speeds of slip"):
+    if name in ("differences", "speeds of slip", "effort map"):
         change = entry(0, 0, by=1e-7)
     assert is_broken(law_of(name), robot, term, change)
 

@@ -1,0 +1,199 @@
+"""What a log does wrong, before anything is estimated: each check is a line of the report, with a remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from wmr_afl.errors import WmrError
+from wmr_afl.identification.effort import Effort
+from wmr_afl.identification.log import Log
+from wmr_afl.identification.motion import Motion, Smoother
+from wmr_afl.identification.noise import quantum
+from wmr_afl.numerics.arrays import Floats
+
+DISAGREE = 0.015  # of a rate, by which encoders and another sensor may differ
+SCATTER = 4.0  # standard deviations of that share, which it must exceed besides
+DEGREES = 180.0 / np.pi
+REPEATED = 0.2  # of the samples of a moving channel that only repeat the one before
+STILL = 3.0  # standard deviations of a channel: less is no motion
+ALIKE = 0.9  # of the samples at which two motors have the same voltage to the last digit
+MISSING = 0.05  # of the motors' rates, that a pseudo-velocity brings about at least
+LARGEST = 0.98  # of the samples at which a voltage is at its largest
+DRIVEN = 0.1  # of the largest voltage, by which a motor's varies that is driven
+LEAST = 2.0  # [s], that a log lasts at least
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A check: what it looked at and found, and what to do; `is_fine` if nothing has to be done."""
+
+    name: str
+    text: str
+    remedy: str = ""
+
+    @property
+    def is_fine(self) -> bool:
+        """Whether nothing has to be done."""
+        return not self.remedy
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.text}" + (f"; {self.remedy}" if self.remedy else "")
+
+
+def check_input(log: Log, noise: Floats) -> None:
+    """Whether there is anything to go by.
+
+    Raises:
+        WmrError: if the log is too short, at rest, or its voltages never change or are at their limit throughout.
+    """
+    if not log.segments or log.duration < LEAST:
+        raise WmrError(f"the log lasts {log.duration:.2g} s", "log at least 10 s of motion, better 60")
+    u = np.concatenate([segment.u for segment in log.segments])
+    if not np.any(np.ptp(u, axis=0) > 0.0):
+        if not np.any(u):
+            raise WmrError("the motors never have any voltage", "log the voltages that the motors had")
+        raise WmrError(
+            "the voltages never change", "vary them, as `wmr-afl excite` proposes, or begin at rest with 0 V"
+        )
+    moved = [max(float(np.ptp(segment.z[:, k])) for segment in log.segments) for k in range(len(log.channels))]
+    if all(range_ < STILL * np.sqrt(12.0) * spread for range_, spread in zip(moved, noise, strict=True)):
+        raise WmrError("the robot never moves", "drive it: voltages well above what friction holds")
+    most = np.abs(u).max(axis=0)
+    is_at_limit = np.all(np.abs(u) > 0.999 * np.where(most > 0.0, most, np.inf), axis=1).mean() > LARGEST
+    begins_at_rest = any(not np.any(segment.u[0]) for segment in log.segments)
+    if is_at_limit and not begins_at_rest:
+        volts = ", ".join(f"{value:g}" for value in most)
+        raise WmrError(
+            f"the voltages are at their largest ({volts} V) throughout", "log with less, so that none is cut"
+        )
+
+
+def dead_encoders(log: Log) -> list[int]:
+    """Channels of motors that stand still, although the motor has voltage."""
+    u = np.concatenate([segment.u for segment in log.segments])
+    z = np.concatenate([segment.z - segment.z[:1] for segment in log.segments])
+    return [
+        k
+        for k, one in enumerate(log.channels)
+        if one.matrix == "motor" and len(np.unique(z[:, k])) <= 2 and np.ptp(u[:, one.index]) > DRIVEN * np.abs(u).max()
+    ]
+
+
+def missing_motions(effort: Effort, motions: list[Motion]) -> list[str]:
+    """Pseudo-velocities that the log does not show."""
+    x = np.concatenate([motion.x[motion.ok] for motion in motions])
+    rows = effort.motor_rates(x[:, : effort.n])
+    each = np.sqrt(np.mean(np.sum((rows * x[:, None, effort.n :]) ** 2, axis=1), axis=0))
+    names = list(effort.model.state_units)[effort.n :]
+    return [name for name, size in zip(names, each, strict=True) if size < MISSING * np.linalg.norm(each)]
+
+
+def updates(log: Log, noise: Floats) -> Floats:
+    """How many samples a channel keeps its value while it moves, (channels,): 1 if each sample is a new one."""
+    found = []
+    for k in range(len(log.channels)):
+        same = moving = 0
+        for segment in log.segments:
+            z = segment.z[:, k]
+            if len(z) < 12:
+                continue
+            over = np.abs(z[8:] - z[:-8]) / 8.0  # a sample, on average over eight
+            fast = over > max(3.0 * quantum(z), 6.0 * noise[k] if quantum(z) == 0.0 else 0.0)
+            fast &= over > 0.0
+            moving += int(fast.sum())
+            same += int((fast & (np.diff(z)[3:-4] == 0.0)).sum())
+        share = same / moving if moving > 50 else 0.0
+        found.append(1.0 / (1.0 - min(share, 0.95)) if share > REPEATED else 1.0)
+    return np.array(found)
+
+
+def findings(smoother: Smoother, log: Log, motions: list[Motion], periods: Floats) -> Iterator[Finding]:
+    """Every check of a log that can be used."""
+    yield from _sensors(smoother, motions)
+    yield from _repeated(log, periods)
+    yield _voltage(log)
+
+
+def _sensors(smoother: Smoother, motions: list[Motion]) -> Iterator[Finding]:
+    """Encoders against each other way of measuring the same."""
+    others = [k for k, one in enumerate(smoother.channels) if one.matrix != "motor" and smoother.used[k]]
+    wheels = [k for k, one in enumerate(smoother.channels) if one.matrix == "motor"]
+    name = "encoders against other sensors"
+    compared = False
+    for k in others:
+        found = _slope(smoother, motions, k, wheels)
+        if found is None:
+            continue
+        compared, channel = True, smoother.channels[k].name
+        slope, deviation = found
+        if abs(abs(slope) / DEGREES - 1.0) < 0.1:
+            yield Finding(
+                name, f"{channel} is {abs(slope):.1f} times what the encoders say", f"convert {channel} to rad"
+            )
+        elif slope < 0.0:
+            text = f"{channel} runs against the encoders (by a factor of {slope:.2f})"
+            yield Finding(name, text, f"multiply {channel} by -1 (counter-clockwise is positive), or the encoders")
+        elif abs(slope - 1.0) > max(DISAGREE, SCATTER * deviation):
+            text = f"{channel} moves {100 * (slope - 1):+.1f} % against what the encoders say"
+            yield Finding(name, text, "measure wheel radius and track again (--set), or wheels slip")
+        else:
+            yield Finding(name, f"{channel} agrees to {100 * (slope - 1):+.2f} % (+- {200 * deviation:.2f} %)")
+    if not compared:
+        yield Finding(name, "nothing to compare: no sensor besides the encoders says the same")
+
+
+def _slope(smoother: Smoother, motions: list[Motion], k: int, wheels: list[int]) -> tuple[float, float] | None:
+    """A channel's rate over what encoders say of it, and the standard deviation of that; None if they say nothing."""
+    effort = smoother.effort
+    told, seen = [], []
+    for motion in motions:
+        good = np.flatnonzero(motion.ok)
+        q = motion.x[good, : effort.n]
+        rows, rates = smoother.rows(q), motion.rates
+        own, encoders = rows[:, k], rows[:, wheels]
+        combination = np.einsum("ti,tij->tj", own, np.linalg.pinv(encoders, rcond=1e-9))
+        left = np.linalg.norm(own - np.einsum("tj,tji->ti", combination, encoders), axis=1)
+        follows = left < 1e-6 * np.linalg.norm(own, axis=1)
+        told.append(np.einsum("tj,tj->t", combination, rates[good][:, wheels])[follows])
+        seen.append(rates[good, k][follows])
+    x, y = np.concatenate(told), np.concatenate(seen)
+    if len(x) < 50 or not np.any(x):
+        return None
+    slope = float(x @ y / (x @ x))
+    rest = y - slope * x
+    correlated = 2 * smoother.half + 1
+    return slope, float(np.sqrt(correlated * np.mean(rest**2) / (x @ x)))
+
+
+def _repeated(log: Log, periods: Floats) -> Iterator[Finding]:
+    slow = {one.name: period for one, period in zip(log.channels, periods, strict=True) if period > 1.0}
+    step = float(np.median([segment.step for segment in log.segments]))
+    if not slow:
+        yield Finding("repeated values", "none: every sample is a new one")
+    for name, period in slow.items():
+        text = f"{name} changes every {period:.1f} samples only: written each {1e3 * step:.0f} ms, measured less often"
+        yield Finding(
+            "repeated values", text, "log at the rate at which it is measured; smoothing spans two updates here"
+        )
+
+
+def _voltage(log: Log) -> Finding:
+    u = np.concatenate([segment.u for segment in log.segments])
+    under = np.any(u != 0.0, axis=1)
+    name = "voltage"
+    if u.shape[1] > 1 and under.any():
+        pairs = [
+            (i, j)
+            for i in range(u.shape[1])
+            for j in range(i)
+            if np.mean(np.abs(u[under, i]) == np.abs(u[under, j])) > ALIKE
+        ]
+        if pairs:
+            names = list(log.model.input_units)
+            alike = " and ".join(names[k] for k in sorted(pairs[0]))
+            text = f"{alike} are alike to the last digit: commanded, not measured"
+            return Finding(name, text, "log what the motors had; sag of the battery is taken for inertia and back-EMF")
+    return Finding(name, "nothing says that it was commanded and not measured")

@@ -1,0 +1,217 @@
+"""The robot as a log sees it: R diag(rho) u = Y(x, a, c) pi + R diag(rho) F(x) of friction, linear in what is unknown.
+
+    unknown = [pi; rho; kappa]      base parameters, ratios of gains, Coulomb friction in volts of the first motor
+    R_1 u_1 = Y pi - sum_k rho_k R_k u_k + sum_g kappa_g R_g tanh(rate/epsilon)           (I1), (I3) times X^T, (I5)
+    a = M^-1 (R diag(rho) u - Y_0 pi - R F kappa),     M = [Y_1 pi ... Y_(n-m) pi]        (I4)
+
+Y_0 = Y at a = 0, Y_i = Y at the i-th unit of a, less Y_0 (I2). The friction of a motor whose gain is rho times that of
+the first one is kappa/rho of its own volts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from wmr_afl.errors import MissingTermError
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.linear_algebra import solve
+
+Coulomb = Literal["each", "grouped", "none"]
+
+
+@dataclass(frozen=True)
+class Effort:
+    """A model with its geometry, and how its motors rub: each by itself, equal ones alike, or none."""
+
+    model: Model
+    p: Floats  # (n_p,), of which only lengths in S and X and known constants are read
+    coulomb: Coulomb = "grouped"
+
+    def __post_init__(self) -> None:
+        if not self.model.has("effort_regressor"):
+            obstacle = str(self.model.metadata["effort_obstacle"])
+            raise MissingTermError(f"{self.model.name} cannot be identified: {obstacle}", "and derive it again")
+
+    @cached_property
+    def c(self) -> Floats:
+        return self.model.known(self.p)
+
+    @cached_property
+    def n(self) -> int:
+        """Coordinates."""
+        return self.model.coordinate_count
+
+    @cached_property
+    def n_v(self) -> int:
+        """Pseudo-velocities."""
+        return self.model.pseudo_velocity_count
+
+    @cached_property
+    def friction_groups(self) -> dict[str, list[int]]:
+        """Name -> motors that rub alike."""
+        motors: Mapping[str, Mapping[str, str]] = self.model.metadata["motors"]
+        if self.coulomb == "none":
+            return {}
+        kinds: dict[object, list[int]] = {}
+        for j, (name, motor) in enumerate(motors.items()):
+            kind = name if self.coulomb == "each" else (motor["torque_gain"], motor["back_emf"])
+            kinds.setdefault(kind, []).append(j)
+        names = list(motors)
+        return {f"coulomb_{names[group[0]]}": group for group in kinds.values()}
+
+    @cached_property
+    def ratio_groups(self) -> dict[str, list[int]]:
+        """Name -> motors whose gain is that many times the first one's."""
+        kinds: dict[str, list[int]] = {}
+        names = list(self.model.input_units)
+        for motor, formula in self.model.metadata["gain_ratio_formulas"].items():
+            kinds.setdefault(formula, []).append(names.index(motor))
+        return {f"gain_ratio_{names[group[0]]}": group for group in kinds.values()}
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Of what is unknown, by name, in its order."""
+        return {
+            **self.model.metadata["effort_parameters"],
+            **dict.fromkeys(self.ratio_groups, "1"),
+            **dict.fromkeys(self.friction_groups, "V"),
+        }
+
+    @cached_property
+    def n_pi(self) -> int:
+        """Base parameters without ratios and friction."""
+        return len(self.model.metadata["effort_parameters"])
+
+    def base(self, p: Floats) -> Floats:
+        """[pi; rho] of a robot with these parameters."""
+        pi = np.asarray(self.model.effort_parameters(p))
+        if not self.ratio_groups:
+            return pi
+        rho = np.asarray(self.model.gain_ratios(p))
+        return np.concatenate([pi, rho[[group[0] for group in self.ratio_groups.values()]]])
+
+    def kinematic(self, q: Floats) -> Floats:
+        """S (..., n, n-m)."""
+        return np.asarray(self.model.kinematic_matrix(q, self.p))
+
+    def motor_rates(self, q: Floats) -> Floats:
+        """X (..., n_u, n-m)."""
+        return np.asarray(self.model.actuator_rates_matrix(q, self.p))
+
+    def rates(self, x: Floats) -> Floats:
+        """X v (T, n_u) [rad/s]."""
+        return np.asarray(np.einsum("tij,tj->ti", self.motor_rates(x[:, : self.n]), x[:, self.n :]))
+
+    def map(self, q: Floats) -> Floats:
+        """R (..., n-m, n_u)."""
+        return np.asarray(self.model.effort_map(q, self.c))
+
+    @cached_property
+    def _symbols(self) -> _Symbols:
+        """Everything in symbols of one sample."""
+        model, c = self.model.in_library("casadi"), ca.DM(self.c)
+        x, u = ca.SX.sym("x", self.n + self.n_v), ca.SX.sym("u", len(self.model.input_units))
+        width = ca.SX.sym("width")
+        q, v = x[: self.n], x[self.n :]
+        r, rates = model.effort_map(q, c), model.actuator_rates_matrix(q, self.p) @ v
+        y0 = model.effort_regressor(x, ca.DM.zeros(self.n_v), c)
+        y = [model.effort_regressor(x, ca.DM.eye(self.n_v)[:, i], c) - y0 for i in range(self.n_v)]
+        ratios = [motor for group in self.ratio_groups.values() for motor in group]
+        first = [j for j in range(u.numel()) if j not in ratios]
+        rubbing = r @ ca.diag(ca.tanh(rates / width))
+        return _Symbols(
+            x=x,
+            u=u,
+            width=width,
+            q_rate=model.kinematic_matrix(q, self.p) @ v,
+            rates=rates,
+            y0=y0,
+            y=y,
+            first=r[:, first] @ u[first],
+            others=ca.horzcat(ca.DM.zeros(self.n_v, 0), *(r[:, g] @ u[g] for g in self.ratio_groups.values())),
+            friction=ca.horzcat(
+                ca.DM.zeros(self.n_v, 0), *(_row_sums(rubbing, g) for g in self.friction_groups.values())
+            ),
+        )
+
+    @cached_property
+    def weak_terms(self) -> ca.Function:
+        """(x, u, width) -> what psi multiplies, what psi' multiplies (n-m, unknown each), R_1 u_1 and X v (I7)."""
+        s = self._symbols
+        q, v = s.x[: self.n], s.x[self.n :]
+        held = [ca.reshape(ca.jtimes(ca.vec(one), q, s.q_rate), *one.shape) for one in s.y]  # dY_i/dt
+        rest = s.y0 - sum(rate * v[i] for i, rate in enumerate(held))
+        momentum = sum(one * v[i] for i, one in enumerate(s.y))
+        others = ca.SX.zeros(self.n_v, len(self.units) - self.n_pi)
+        a, b = ca.horzcat(rest, -s.others, s.friction), ca.horzcat(momentum, others)
+        return ca.Function("weak_terms", [s.x, s.u, s.width], [a, b, s.first, s.rates])
+
+    @cached_property
+    def motion(self) -> ca.Function:
+        """(x, u, unknown, width) -> q', v' (I4) and the motors' rates X v."""
+        s, unknown = self._symbols, ca.SX.sym("unknown", len(self.units))
+        ratios = self.n_pi + len(self.ratio_groups)
+        pi, rho, kappa = unknown[: self.n_pi], unknown[self.n_pi : ratios], unknown[ratios:]
+        inertia = ca.horzcat(*(one @ pi for one in s.y))
+        push = s.first + s.others @ rho - s.y0 @ pi - s.friction @ kappa
+        v_rate = solve(inertia, push, self.model.in_library("casadi").arrays)
+        return ca.Function("motion", [s.x, s.u, unknown, s.width], [s.q_rate, v_rate, s.rates])
+
+    def effort_of(self, x: Floats, a: Floats, unknown: Floats, width: float) -> Floats:
+        """R diag(rho) u (T, n-m) that brings about a: what the voltages have to do, friction included."""
+        terms = self.weak_terms.map(len(x))
+        zero = np.zeros((len(self.model.input_units), len(x)))
+        friction = blocks(terms(x.T, zero, width)[0], len(x))[..., -len(self.friction_groups) or len(self.units) :]
+        regressor = np.asarray(self.model.effort_regressor(x, a, self.c))
+        return np.asarray(regressor @ unknown[: self.n_pi] + friction @ unknown[len(unknown) - friction.shape[-1] :])
+
+    @cached_property
+    def cyclic(self) -> tuple[bool, ...]:
+        """Whether the dynamics are the same at every value of a coordinate (x, y, heading), one entry a coordinate."""
+        random = np.random.default_rng(0)
+        x, a = random.normal(size=(8, self.n + self.n_v)), random.normal(size=(8, self.n_v))
+
+        def at(x: Floats) -> Floats:
+            q = x[:, : self.n]
+            parts = (self.model.effort_regressor(x, a, self.c), self.map(q), self.motor_rates(q))
+            return np.concatenate([np.asarray(part).ravel() for part in parts])
+
+        def moved(i: int) -> Floats:
+            other = x.copy()
+            other[:, i] += random.normal(size=len(x))
+            return at(other)
+
+        return tuple(bool(np.allclose(moved(i), at(x), rtol=1e-9, atol=1e-12)) for i in range(self.n))
+
+
+@dataclass(frozen=True)
+class _Symbols:
+    """The terms of the equation at one state."""
+
+    x: ca.SX
+    u: ca.SX
+    width: ca.SX  # [rad/s], over which friction changes its sign
+    q_rate: ca.SX
+    rates: ca.SX  # X v (n_u,)
+    y0: ca.SX  # (n-m, n_pi)
+    y: list[ca.SX]  # Y_i, each (n-m, n_pi)
+    first: ca.SX  # R_1 u_1
+    others: ca.SX  # R_k u_k, a column each
+    friction: ca.SX  # R F, a column for each group
+
+
+def _row_sums(matrix: ca.SX, columns: list[int]) -> ca.SX:
+    return ca.sum2(matrix[:, columns])
+
+
+def blocks(stacked: ca.DM, count: int) -> Floats:
+    """Matrices side by side as `map` gives them, (rows, columns * count) -> (count, rows, columns)."""
+    whole = np.asarray(stacked)
+    return np.asarray(whole.reshape(len(whole), count, -1).transpose(1, 0, 2))

@@ -1,0 +1,62 @@
+"""An estimate of what is unknown, with its covariance; and what one goes by before there is a log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wmr_afl.identification.effort import Effort
+from wmr_afl.numerics.arrays import Floats
+
+VAGUE = 3.0  # times its value, which a number of the description may be off: it only decides what the log leaves open
+NOT_DETERMINED = 0.3  # of the value, beyond which two standard deviations leave a number undetermined
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What the description says, vaguely: a log decides all that it determines at all."""
+
+    mean: Floats  # (unknown,)
+    spread: Floats  # (unknown,), infinite where the description says nothing
+
+    @property
+    def precision(self) -> Floats:
+        """1/spread^2."""
+        return np.asarray(self.spread**-2.0)
+
+
+def prior_of(effort: Effort, largest_voltage: float) -> Prior:
+    """From the description's parameters; friction is some per cent of the voltage."""
+    base = effort.base(effort.p)
+    friction = np.full(len(effort.friction_groups), 0.03 * largest_voltage)
+    mean = np.concatenate([base, friction])
+    return Prior(mean, np.where(mean != 0.0, VAGUE * np.abs(mean), np.inf))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Numbers that a method found."""
+
+    method: str
+    unknown: Floats  # (unknown,)
+    covariance: Floats  # (unknown, unknown), of noise
+    width: float  # [rad/s], over which friction changes its sign
+    cost: float | None = None  # root mean square of what is left of the windows, in units of the noise
+    condition: float | None = None  # of the scaled equations
+
+    @property
+    def interval(self) -> Floats:
+        """Two standard deviations, (unknown,)."""
+        return np.asarray(2.0 * np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
+
+    @property
+    def is_determined(self) -> Floats:
+        """Whether the log tells a number, (unknown,)."""
+        return np.asarray(self.interval <= NOT_DETERMINED * np.abs(self.unknown))
+
+
+def sandwich(normal: Floats, clusters: Floats, prior: Floats) -> Floats:
+    """H^-1 (sum_w G_w G_w^T + 1/spread^2) H^-1 (I9): `clusters` are the G_w (W, n), `prior` is 1/spread^2 (n,)."""
+    inverse = np.linalg.pinv(normal + np.diag(prior), rcond=1e-15, hermitian=True)
+    return np.asarray(inverse @ (clusters.T @ clusters + np.diag(prior)) @ inverse)

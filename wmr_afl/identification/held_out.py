@@ -1,0 +1,105 @@
+"""What a model foretells of a part of the log that it was not made from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wmr_afl.errors import InputError
+from wmr_afl.identification.effort import Effort
+from wmr_afl.identification.estimate import Estimate
+from wmr_afl.identification.log import Log, Segment
+from wmr_afl.identification.motion import Motion
+from wmr_afl.identification.output_error import delayed
+from wmr_afl.identification.simulated import Simulated
+from wmr_afl.numerics.arrays import Floats
+
+WHOLE = 20.0  # [s], that a segment may last to be foretold as a whole; longer ones in windows
+WINDOW = 2.0  # [s]
+SHORT = 10.0  # [s], a test that is held out or not as a whole
+
+
+def split(log: Log, hold_out: str | float) -> tuple[Log, Log]:
+    """What estimates are made from, and what they are tried on: the named segments, or that share of the log.
+
+    A share is the end of each segment, where they last; of many short tests, as many of the last as make up the share.
+
+    Raises:
+        InputError: if there is no such segment, nothing would be left, or the share is none.
+    """
+    if isinstance(hold_out, str):
+        held = [one for one in log.segments if one.name == hold_out]
+        kept = [one for one in log.segments if one.name != hold_out]
+        names = ", ".join(dict.fromkeys(one.name or "(no name)" for one in log.segments))
+        if not held or not kept:
+            problem = "is the whole log" if held else "is no segment of the log"
+            raise InputError("hold_out", repr(hold_out), problem, f"name one of several (there is {names})")
+        return log.of(kept), log.of(held)
+    if not 0.0 < hold_out <= 0.8:
+        raise InputError("hold_out", f"{hold_out:g}", "is no share", "choose one between 0 and 0.8, or name a segment")
+    lengths = [len(one) * one.step for one in log.segments]
+    if len(lengths) > 2 and np.median(lengths) < SHORT:
+        count = max(1, round(hold_out * len(lengths)))
+        return log.of(log.segments[:-count]), log.of(log.segments[-count:])
+    cuts = [round((1.0 - hold_out) * len(one)) for one in log.segments]
+    kept = [one.part(0, cut) for one, cut in zip(log.segments, cuts, strict=True)]
+    return log.of(kept), log.of([one.part(cut, len(one)) for one, cut in zip(log.segments, cuts, strict=True)])
+
+
+def foretold(effort: Effort, motion: Motion, estimate: Estimate, delay: float = 0.0) -> tuple[Floats, Floats, Floats]:
+    """Times (T,), measured v (T, n-m) and v simulated from the voltages alone (T, n-m), window after window.
+
+    A window begins with the measured state.
+    """
+    segment = motion.segment
+    good = np.flatnonzero(motion.ok)
+    if len(good) < 3:
+        empty = np.empty((0, effort.n_v))
+        return np.empty(0), empty, empty
+    duration = len(good) * segment.step
+    count = len(good) - 1 if duration <= WHOLE else min(len(good) - 1, round(WINDOW / segment.step))
+    starts = np.arange(good[0], good[-1] - count + 1, count)
+    u = delayed(segment.u, delay, segment.step)
+    held = np.stack([u[start : start + count] for start in starts])
+    numbers = np.repeat(estimate.unknown[None], len(starts), axis=0)
+    widths = np.full(len(starts), estimate.width)
+    states = Simulated(effort, segment.step).states(numbers, widths, motion.x[starts], held)
+    rows = (starts[:, None] + np.arange(count)).ravel()
+    velocities = states[:-1, effort.n : effort.n + effort.n_v].transpose(2, 0, 1).reshape(-1, effort.n_v)
+    return segment.time[rows], motion.x[rows, effort.n :], velocities
+
+
+def fit(effort: Effort, motions: Sequence[Motion], estimate: Estimate, delay: float = 0.0) -> Floats:
+    """100 (1 - |v - vhat|/|v - mean v|) of each pseudo-velocity, (n-m,); NaN where a velocity never changes."""
+    parts = [foretold(effort, motion, estimate, delay)[1:] for motion in motions]
+    measured, simulated = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
+    if not len(measured):
+        return np.full(effort.n_v, np.nan)
+    with np.errstate(all="ignore"):
+        size = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
+        missed = np.linalg.norm(measured - simulated, axis=0)
+        found = 100.0 * (1.0 - missed / np.where(size > 0.0, size, np.nan))
+    return np.asarray(np.where(np.isfinite(missed), found, -np.inf))
+
+
+def overall(effort: Effort, motions: Sequence[Motion], estimate: Estimate, delay: float = 0.0) -> float:
+    """The same of all motors' rates together, in which every pseudo-velocity has its weight [%]."""
+    size = missed = 0.0
+    for motion in motions:
+        _, measured, simulated = foretold(effort, motion, estimate, delay)
+        if not len(measured):
+            continue
+        good = np.flatnonzero(motion.ok)[: len(measured)]
+        rows = effort.motor_rates(motion.x[good, : effort.n])
+        true, told = (np.einsum("...ij,...j->...i", rows, v) for v in (measured, simulated))
+        size += float(np.sum((true - true.mean(axis=0)) ** 2))
+        missed += float(np.sum((true - told) ** 2))
+    if size == 0.0:
+        return float("nan")
+    return 100.0 * (1.0 - float(np.sqrt(missed / size))) if np.isfinite(missed) else -np.inf
+
+
+def longest(log: Log) -> Segment:
+    """The segment that lasts longest."""
+    return max(log.segments, key=lambda one: len(one) * one.step)

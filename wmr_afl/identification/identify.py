@@ -1,0 +1,250 @@
+"""A robot from its log: checks, base parameters by weak form and output error, physical parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wmr_afl.errors import InputError, SimulationError, WmrError
+from wmr_afl.identification import held_out
+from wmr_afl.identification.checks import (
+    Finding,
+    check_input,
+    dead_encoders,
+    findings,
+    missing_motions,
+    updates,
+)
+from wmr_afl.identification.dead_time import CLEAR, dead_time, later
+from wmr_afl.identification.effort import Coulomb, Effort
+from wmr_afl.identification.estimate import Estimate, Prior, prior_of
+from wmr_afl.identification.log import Log
+from wmr_afl.identification.log_file import read_logs
+from wmr_afl.identification.motion import Motion, Smoother, half_width, with_rest
+from wmr_afl.identification.noise import standard_deviations
+from wmr_afl.identification.output_error import WINDOW, OutputError, windows_of
+from wmr_afl.identification.physical import Physical, physical
+from wmr_afl.identification.weak_form import SHORT, weak_form
+from wmr_afl.identification.weak_form import WINDOW as WEAK_WINDOW
+from wmr_afl.model.model import Model, load_model
+from wmr_afl.numerics.arguments import checked
+from wmr_afl.numerics.arrays import Floats
+
+TEST = 2.0  # [s]: tests that last no longer have short test functions
+
+
+@dataclass(frozen=True)
+class Tried:
+    """An estimate from the part of the log that was not held out, and what it foretells of the other part."""
+
+    estimate: Estimate
+    fit: Floats  # (n-m,) [%], of each pseudo-velocity
+    overall: float  # [%], of all motors' rates
+
+
+@dataclass(frozen=True, repr=False)
+class Identified:
+    """What a log says of a robot."""
+
+    effort: Effort
+    log: Log
+    checks: tuple[Finding, ...]
+    tried: tuple[Tried, ...]  # weak form and output error
+    estimate: Estimate  # of the whole log, by the method that foretold best
+    share: Floats  # (unknown,), of each number in the voltages
+    physical: Physical
+    held: tuple[Motion, ...]  # what was held out
+    delay: float  # [s], by which voltages were taken as later
+
+    @property
+    def model(self) -> Model:
+        """The robot's model."""
+        return self.effort.model
+
+    @property
+    def names(self) -> list[str]:
+        """Of what was unknown: base parameters, ratios of gains, Coulomb friction in volts."""
+        return list(self.effort.units)
+
+    @property
+    def chosen(self) -> Tried:
+        """The method that foretold best."""
+        return next(one for one in self.tried if one.estimate.method == self.estimate.method)
+
+    @property
+    def undetermined(self) -> list[str]:
+        """The numbers of which the log says too little."""
+        return [name for name, told in zip(self.names, self.estimate.is_determined, strict=True) if not told]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The physical parameters by name."""
+        return dict(zip(self.model.parameter_units, self.physical.p.tolist(), strict=True))
+
+    @property
+    def guess(self) -> dict[str, float]:
+        """Those that were sought: the `guess` of a controller in an experiment."""
+        return {name: self.parameters[name] for name in self.physical.uncertain}
+
+    @property
+    def verdict(self) -> str:
+        """In a sentence how far the model explains the log."""
+        best = self.chosen
+        cost = self.cost
+        explains = "" if cost is None else f"leaves {cost:.2f} of the measurement's noise, "
+        text = f"{best.estimate.method}: {explains}foretells {best.overall:.1f} % of what was held out"
+        if self.physical.is_contradiction:
+            return f"{text}; a contradiction: no possible robot is like that (chi^2/n {self.physical.chi2:.0f})"
+        return text
+
+    @property
+    def cost(self) -> float | None:
+        """What output error leaves, in units of the noise of the measurement (an encoder's step over sqrt 12)."""
+        return next((one.estimate.cost for one in self.tried if one.estimate.cost is not None), None)
+
+    def __repr__(self) -> str:
+        return f"<Identified {self.model.name}: {self.verdict}>"
+
+    def __str__(self) -> str:
+        width = max(map(len, self.names))
+        lines = [f"{self.model.name}: {self.verdict}", ""]
+        lines += [str(check) for check in self.checks]
+        lines += ["", f"{'':{width}}  {'value':>12}  {'+- 2 sd':>10}  share of the voltage"]
+        rows = zip(
+            self.names,
+            self.effort.units.values(),
+            self.estimate.unknown,
+            self.estimate.interval,
+            self.share,
+            strict=True,
+        )
+        for name, unit, value, interval, share in rows:
+            told = "not determined" if name in self.undetermined else f"{100 * share:.1f} %"
+            lines.append(f"{name:{width}}  {value:12.5g}  {interval:10.2g}  {told} [{unit}]")
+        lines += ["", "guess = { " + ", ".join(f"{name} = {value:.5g}" for name, value in self.guess.items()) + " }"]
+        return "\n".join(lines)
+
+
+@checked
+def identify(
+    robot: str | Path | Model,
+    logs: Log | str | Path | Sequence[str | Path],
+    *,
+    parameters: Mapping[str, ArrayLike] | None = None,
+    hold_out: str | float = 0.3,
+    coulomb: Coulomb = "grouped",
+    delay: float = 0.0,
+    partial: bool = False,
+) -> Identified:
+    """Find a robot's parameters from logs of its motors' voltages and its motion.
+
+    `parameters` replace those of the description: lengths that were measured. `hold_out` is the segment, or the share
+    of the log, on which the two methods are tried; the better one is then made from the whole log. `delay` [s] is by
+    how much the motors answer later than the log says. With `partial` a log may lack a motion: what only that motion
+    tells stays as the description has it.
+
+    Raises:
+        InputError: if a file is wrong.
+        WmrError: if the log cannot serve: too short, at rest, without a motion that is needed; the text says which.
+        MissingTermError: if the robot's dynamics are not linear in base parameters.
+    """
+    model = robot if isinstance(robot, Model) else load_model(robot)
+    p = model.parameters(**dict(parameters or {}))
+    effort = Effort(model, np.asarray(p, dtype=float), coulomb)
+    files = [logs] if isinstance(logs, str | Path) else logs
+    log = files if isinstance(files, Log) else read_logs(model, files)
+    if not -0.5 <= delay <= 0.5:
+        raise InputError("delay", f"{delay:g}", "is no dead time of a motor", "give it in seconds, as 0.02")
+    log, dead = _without_dead(log)
+    noise = standard_deviations(log)
+    check_input(log, noise)
+    periods = updates(log, noise)
+    smoother = Smoother(effort, log.channels, noise, half_width(log, periods))
+    whole, (train, held) = _motions(smoother, log, delay), _held(smoother, log, hold_out, delay)
+    missing = missing_motions(effort, whole)
+    if missing and not partial:
+        problem = f"the log holds no motion of {', '.join(missing)}"
+        raise WmrError(problem, "drive such motions too, or take what the rest tells (--partial)")
+    window = SHORT if np.median([len(one) * one.step for one in log.segments]) <= TEST else WEAK_WINDOW
+    prior = prior_of(effort, max(float(np.abs(segment.u).max()) for segment in log.segments))
+    tried = tuple(
+        Tried(one, held_out.fit(effort, held, one), held_out.overall(effort, held, one))
+        for one in _estimates(smoother, train, window, prior)
+    )
+    best = max(tried, key=lambda one: (np.nan_to_num(one.overall, nan=-np.inf), one.estimate.cost is not None))
+    weak = weak_form(effort, whole, window, prior)
+    final: Estimate = weak
+    if best.estimate.cost is not None:
+        final = OutputError(smoother, windows_of(whole, _window(whole)), prior).fit(best.estimate.unknown)
+    share = weak.share * np.abs(final.unknown) / np.maximum(np.abs(weak.unknown), 1e-300)
+    checks = [*dead, *findings(smoother, log, whole, periods), _dead_time(smoother, whole, window, prior, delay)]
+    if missing:
+        text = f"no motion of {', '.join(missing)}: what only that tells is as in the description"
+        checks.append(Finding("motion", text, "drive such motions too"))
+    found = physical(effort, final, given=tuple(parameters or ()))
+    return Identified(effort, log, tuple(checks), tried, final, share, found, tuple(held), delay)
+
+
+def _estimates(smoother: Smoother, motions: list[Motion], window: float, prior: Prior) -> list[Estimate]:
+    """By the weak form, and from there by output error, if there are windows of a second."""
+    weak = weak_form(smoother.effort, motions, window, prior)
+    windows = windows_of(motions, _window(motions))
+    if not windows:
+        return [weak]
+    search = OutputError(smoother, windows, prior)
+    found: list[Estimate] = []
+    for start in (weak.unknown, prior.mean):
+        try:
+            found.append(search.fit(start))
+        except (SimulationError, np.linalg.LinAlgError):
+            continue
+    best = min(found, key=lambda one: one.cost or np.inf, default=None)
+    return [weak] if best is None else [weak, best]
+
+
+def _window(motions: list[Motion]) -> float:
+    """A second, or less where no test lasts so long."""
+    longest = max(float(motion.ok.sum()) * motion.segment.step for motion in motions)
+    return min(WINDOW, 0.5 * longest)
+
+
+def _motions(smoother: Smoother, log: Log, delay: float) -> list[Motion]:
+    is_rate = np.array([one.is_rate for one in log.channels])
+    return [smoother.motion(later(with_rest(segment, is_rate), delay)) for segment in log.segments]
+
+
+def _held(smoother: Smoother, log: Log, hold_out: str | float, delay: float) -> tuple[list[Motion], list[Motion]]:
+    kept, held = held_out.split(log, hold_out)
+    return _motions(smoother, kept, delay), _motions(smoother, held, delay)
+
+
+def _without_dead(log: Log) -> tuple[Log, list[Finding]]:
+    """The log without encoders that stand still."""
+    dead = dead_encoders(log) if log.segments else []
+    if not dead:
+        return log, []
+    names = ", ".join(log.channels[k].name for k in dead)
+    kept = [k for k in range(len(log.channels)) if k not in dead]
+    if not kept:
+        raise WmrError(f"{names} stand still although the motors have voltage", "connect the encoders")
+    segments = tuple(replace(one, z=one.z[:, kept]) for one in log.segments)
+    text = f"{names} stands still although its motor has voltage: left out"
+    finding = Finding("dead encoder", text, "connect it, or leave its column out")
+    return Log(log.model, tuple(log.channels[k] for k in kept), segments), [finding]
+
+
+def _dead_time(smoother: Smoother, motions: list[Motion], window: float, prior: Prior, delay: float) -> Finding:
+    found, gain = dead_time(smoother, motions, window, prior)
+    if gain < CLEAR or abs(found) < 0.25 * motions[0].segment.step:
+        return Finding(
+            "dead time", f"none that the log tells clearly ({1e3 * (found + delay):.0f} ms explain {100 * gain:.1f} %)"
+        )
+    total = found + delay
+    text = (
+        f"motors answer {1e3 * abs(total):.0f} ms {'later' if total > 0 else 'earlier'} than the log has their voltage"
+    )
+    return Finding("dead time", text, f"use --delay {total:.3f}, or log voltage and motion at the same instant")

@@ -1,0 +1,184 @@
+"""A log: motor voltages and what was measured of a motion, on a uniform grid of time, segment by segment.
+
+name            column              what it says of the motion
+voltage         u_r                 held from its row to the next one [V]
+encoder         angle:u_r           the angle of what the motor of that input drives: its rate is X_j v
+                rate:u_r            the same as a rate, X_j v
+coordinate      beta, phi, x        q_i: its rate is S_i v
+                rate:phi            the same as a rate (a gyroscope), S_i v
+pseudo-velocity v, omega            v_i
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
+from wmr_afl.model.model import Model
+from wmr_afl.numerics.arrays import Floats
+
+GAP = 2.5  # sample times without a row: a segment ends there
+JITTER = 0.5  # of a sample time, by which rows may be off a uniform grid
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A measured column: a row of X, of S or of the identity times v, or what such a row integrates to."""
+
+    name: str
+    matrix: str  # "motor": X, "coordinate": S, "velocity": the identity
+    index: int  # its row
+    is_rate: bool  # whether the rate itself was measured
+
+
+@dataclass(frozen=True)
+class Segment:
+    """T samples in a row."""
+
+    name: str
+    start: float  # [s]
+    step: float  # sample time [s]
+    u: Floats  # (T, n_u) [V], each held until the next sample
+    z: Floats  # (T, channels), as measured
+
+    @property
+    def time(self) -> Floats:
+        """(T,) [s]."""
+        return np.asarray(self.start + self.step * np.arange(len(self.u)))
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    def part(self, start: int, stop: int) -> Segment:
+        """The samples from `start` to `stop`."""
+        return replace(self, start=self.start + start * self.step, u=self.u[start:stop], z=self.z[start:stop])
+
+
+@dataclass(frozen=True)
+class Log:
+    """Segments with the same channels."""
+
+    model: Model
+    channels: tuple[Channel, ...]
+    segments: tuple[Segment, ...]
+
+    @property
+    def duration(self) -> float:
+        """[s]."""
+        return sum(len(segment) * segment.step for segment in self.segments)
+
+    def __repr__(self) -> str:
+        names = ", ".join(channel.name for channel in self.channels)
+        return f"<Log of {self.model.name}: {self.duration:.1f} s in {len(self.segments)} segments, measured {names}>"
+
+    def of(self, segments: Sequence[Segment]) -> Log:
+        """The same channels, other segments."""
+        return replace(self, segments=tuple(segments))
+
+    def joined(self, other: Log) -> Log:
+        """Both logs' segments.
+
+        Raises:
+            WmrError: if something else was measured in the other one.
+        """
+        if other.channels != self.channels:
+            first, second = (", ".join(channel.name for channel in log.channels) for log in (self, other))
+            raise WmrError(f"one log measures {first}, another one {second}", "give logs with the same columns")
+        return self.of((*self.segments, *other.segments))
+
+
+def channel(model: Model, name: str) -> Channel:
+    """What a column measures.
+
+    Raises:
+        UnknownNameError: if it is no motor's angle or rate, coordinate, rate of one, or pseudo-velocity.
+    """
+    state, inputs = list(model.state_units), list(model.input_units)
+    n = model.coordinate_count
+    kind, _, of = name.rpartition(":")
+    if kind in ("angle", "rate") and of in inputs:
+        return Channel(name, "motor", inputs.index(of), kind == "rate")
+    if kind in ("", "rate") and of in state[:n]:
+        return Channel(name, "coordinate", state.index(of), kind == "rate")
+    if not kind and of in state[n:]:
+        return Channel(name, "velocity", state.index(of) - n, True)
+    motors = [f"{one}:{motor}" for motor in inputs for one in ("angle", "rate")]
+    raise UnknownNameError(
+        "column", name, ["segment", "t", *inputs, *motors, *state, *(f"rate:{q}" for q in state[:n])]
+    )
+
+
+def log_of(
+    model: Model,
+    time: Floats,
+    voltages: Floats,
+    measured: Mapping[str, Floats],
+    segments: Sequence[str] | None = None,
+) -> Log:
+    """A log from arrays: time (T,) [s], voltages (T, n_u) [V], and (T,) for each measured column by its name.
+
+    Rows may be off a uniform grid by half a sample; a gap of two samples begins another segment.
+
+    Raises:
+        ShapeError: if the columns have different lengths, or hold what is not a finite number.
+        WmrError: if time stands still or goes backwards, rows are too irregular, or nothing is measured.
+        UnknownNameError: if a column's name is unknown.
+    """
+    if not measured:
+        raise WmrError("the log measures nothing", "add what was measured, as angle:u_r for a motor's encoder")
+    channels = tuple(channel(model, name) for name in measured)
+    t, u = np.asarray(time, dtype=float), np.asarray(voltages, dtype=float)
+    z = (
+        np.column_stack([np.asarray(column, dtype=float) for column in measured.values()])
+        if len(t)
+        else np.empty((0, 1))
+    )
+    if t.ndim != 1 or u.shape != (len(t), len(model.input_units)) or len(z) != len(t):
+        raise ShapeError(
+            f"time {t.shape}, voltages {u.shape} and measured {z.shape} do not fit", "give one row a sample"
+        )
+    whole = np.column_stack([t, u, z])
+    if not np.all(np.isfinite(whole)):
+        row = int(np.flatnonzero(~np.isfinite(whole).all(axis=1))[0])
+        raise ShapeError(f"row {row + 1} of the log holds what is not a finite number", "leave such rows out")
+    labels = np.asarray(["" for _ in t] if segments is None else segments)
+    found: list[Segment] = []
+    starts = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1), len(t)] if len(t) else []
+    for first, last in pairwise(starts):
+        found += _uniform(str(labels[first]), t[first:last], u[first:last], z[first:last], first)
+    return Log(model, channels, tuple(found))
+
+
+def _uniform(name: str, t: Floats, u: Floats, z: Floats, row: int) -> list[Segment]:
+    """Rows on uniform grids, cut at gaps; those that are too few for one are left out."""
+    if len(t) < 3:
+        return []
+    steps = np.diff(t)
+    if np.any(steps <= 0.0):
+        at = int(np.flatnonzero(steps <= 0.0)[0])
+        doing = "stands still" if steps[at] == 0.0 else "goes backwards"
+        problem = f"time {doing} at t = {t[at + 1]:g} s (row {row + at + 2})"
+        raise WmrError(problem, "order the rows, and name tests that were run one after another in a column `segment`")
+    step = float(np.median(steps))
+    cuts = [0, *(np.flatnonzero(steps > GAP * step) + 1), len(t)]
+    found = []
+    for first, last in pairwise(cuts):
+        if last - first < 3:
+            continue
+        own = t[first:last]
+        count = round(float(own[-1] - own[0]) / step) + 1
+        even = step if count < 2 else float(own[-1] - own[0]) / (count - 1)
+        grid = own[0] + even * np.arange(count)
+        off = np.abs(own - (own[0] + even * np.round((own - own[0]) / even))).max() / even
+        if off > JITTER - 1e-9 or count > 2 * (last - first):
+            raise WmrError(
+                f"rows near t = {own[0]:g} s are too irregular for a grid", "log at a fixed rate, or resample"
+            )
+        held = np.clip(np.searchsorted(own, grid + 1e-9 * even, side="right") - 1, 0, len(own) - 1)
+        columns = [np.interp(grid, own, column) for column in z[first:last].T]
+        found.append(Segment(name, float(own[0]), even, u[first:last][held], np.column_stack(columns)))
+    return found

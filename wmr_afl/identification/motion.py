@@ -1,0 +1,162 @@
+"""From what was measured to q, v and u, with one zero-phase kernel for all of them; nothing is differentiated twice.
+
+v is the weighted least-squares solution of all rows that were measured, X_j v = angle_j' and S_i v = q_i', each over
+the noise of its rate. Coordinates without a column are integrated from q' = S v.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs
+
+from wmr_afl.errors import WmrError
+from wmr_afl.identification.effort import Effort
+from wmr_afl.identification.log import Channel, Log, Segment
+from wmr_afl.numerics.arrays import Floats
+
+WIDTH = 0.03  # [s], half of the kernel, of three samples at least
+PASSIVE = 1e-3  # weight of joints that nothing drives, where motors and gyroscope determine v
+REST = 0.5  # [s] put in front of a test that starts at rest, so that its transient stays inside
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a segment says of the motion, (T, .) each; rows that the kernel reaches over are `ok`."""
+
+    segment: Segment
+    x: Floats  # (T, 2n-m)
+    u: Floats  # (T, n_u) [V], smoothed like the rest
+    rates: Floats  # (T, channels), of what was measured
+    ok: NDArray[np.bool_]  # (T,)
+
+
+@dataclass(frozen=True)
+class Smoother:
+    """A log's channels as rows on v."""
+
+    effort: Effort
+    channels: tuple[Channel, ...]
+    noise: Floats  # (channels,), of a sample
+    half: int  # of the kernel, in samples
+
+    def __post_init__(self) -> None:
+        if not self.used.any():
+            raise WmrError("no column tells how the robot moves", "add the motors' encoders, angle:INPUT")
+        x = np.random.default_rng(0).normal(size=(4, self.effort.n))
+        rank = int(np.linalg.matrix_rank(self.rows(x)[:, self.used]).min())
+        if rank < self.effort.n_v:
+            names = ", ".join(channel.name for channel in self.channels)
+            problem = f"{names} determine {rank} of {self.effort.n_v} pseudo-velocities"
+            motors = [f"angle:{motor}" for motor in self.effort.model.input_units]
+            raise WmrError(problem, f"add the encoders of all motors ({', '.join(motors)}) or a gyroscope (rate:phi)")
+
+    @property
+    def measured(self) -> list[int]:
+        """Coordinates with a column."""
+        return [one.index for one in self.channels if one.matrix == "coordinate" and not one.is_rate]
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Whether a channel says something: a position in the plane does not if the heading is not measured."""
+        hidden = [i for i in range(self.effort.n) if self.effort.cyclic[i] and i not in self.measured]
+        x = np.random.default_rng(0).normal(size=(4, self.effort.n))
+        moved = x.copy()
+        moved[:, hidden] += 1.0
+        return np.asarray(np.isclose(self.rows(x), self.rows(moved)).all(axis=(0, 2)))
+
+    def motion(self, segment: Segment) -> Motion:
+        """q, v and u of a segment."""
+        dt, h = segment.step, self.half
+        level, slope = (savgol_coeffs(2 * h + 1, 2, deriv=d, delta=dt, use="dot") for d in (0, 1))
+        count = len(segment)
+        inside = slice(h, count - h)
+        u, x = self.smoothed(segment), np.zeros((count, self.effort.n + self.effort.n_v))
+        ok = np.zeros(count, dtype=bool)
+        if count <= 2 * h + 1:
+            return Motion(segment, x, u, np.zeros_like(segment.z), ok)
+        ok[inside] = True
+        z = np.zeros((count, len(self.channels)))
+        for k, channel in enumerate(self.channels):
+            z[inside, k] = np.correlate(segment.z[:, k], level if channel.is_rate else slope, "valid")
+            if channel.index in self.measured and channel.matrix == "coordinate" and not channel.is_rate:
+                x[inside, channel.index] = np.correlate(segment.z[:, k], level, "valid")
+                x[:h, channel.index], x[count - h :, channel.index] = (
+                    x[h, channel.index],
+                    x[count - h - 1, channel.index],
+                )
+        weights = self._weights(level, slope)
+        hidden = [i for i in range(self.effort.n) if i not in self.measured and not self.effort.cyclic[i]]
+        if hidden:
+            self._follow(x, z, weights, hidden, range(h, count - h), dt)
+        else:
+            x[inside, self.effort.n :] = self._velocity(x[inside, : self.effort.n], z[inside], weights)
+        return Motion(segment, x, u, z, ok)
+
+    def smoothed(self, segment: Segment) -> Floats:
+        """The voltages (T, n_u) through the same kernel; at a sample they are between the held ones before and after."""
+        held = segment.u.copy()
+        held[1:] = 0.5 * (segment.u[1:] + segment.u[:-1])
+        u, kernel = np.zeros_like(held), savgol_coeffs(2 * self.half + 1, 2, use="dot")
+        if len(u) > 2 * self.half + 1:
+            u[self.half : -self.half] = np.column_stack([np.correlate(one, kernel, "valid") for one in held.T])
+        return u
+
+    def _follow(self, x: Floats, z: Floats, weights: Floats, hidden: list[int], rows: range, dt: float) -> None:
+        """Coordinates without a column from q' = S v by the midpoint rule; from zero where the segment begins."""
+        n, q = self.effort.n, x[rows[0], : self.effort.n].copy()
+        for t in rows:
+            measured = x[t, :n].copy()
+            measured[hidden] = q[hidden]
+            x[t, :n] = measured
+            v = self._velocity(measured[None], z[t : t + 1], weights)[0]
+            x[t, n:] = v
+            middle = measured + 0.5 * dt * (self.effort.kinematic(measured) @ v)
+            q = measured + dt * (self.effort.kinematic(middle) @ v)
+
+    def _velocity(self, q: Floats, z: Floats, weights: Floats) -> Floats:
+        rows = self.rows(q) * weights[:, None]
+        normal = np.einsum("tki,tkj->tij", rows, rows)
+        right = np.einsum("tki,tk->ti", rows, z * weights)
+        return np.asarray(np.linalg.solve(normal, right[..., None])[..., 0])
+
+    def rows(self, q: Floats) -> Floats:
+        """What each channel's rate is, times v: (T, channels, n-m)."""
+        s, x = self.effort.kinematic(q), self.effort.motor_rates(q)
+        s, x = (np.broadcast_to(one, (len(q), *one.shape[-2:])) for one in (s, x))
+        unit = np.broadcast_to(np.eye(self.effort.n_v), (len(q), self.effort.n_v, self.effort.n_v))
+        matrices = {"motor": x, "coordinate": s, "velocity": unit}
+        return np.stack([matrices[one.matrix][:, one.index] for one in self.channels], axis=1)
+
+    def _weights(self, level: Floats, slope: Floats) -> Floats:
+        """1/noise of each rate after the kernel; those of passive joints are small if the others suffice."""
+        kernels = np.array([np.linalg.norm(level if one.is_rate else slope) for one in self.channels])
+        weights = self.used / (self.noise * kernels)
+        positions = np.array([one.matrix == "coordinate" and not one.is_rate for one in self.channels])
+        joints = positions & np.array([not self.effort.cyclic[one.index % self.effort.n] for one in self.channels])
+        q = np.random.default_rng(0).normal(size=(4, self.effort.n))
+        others = self.rows(q)[:, self.used & ~joints]
+        if others.shape[1] and np.linalg.matrix_rank(others).min() == self.effort.n_v:
+            weights[joints] *= PASSIVE
+        return np.asarray(weights)
+
+
+def half_width(log: Log, updates: Floats) -> int:
+    """Half of the kernel in samples: two updates of the slowest channel, 30 ms, three samples at least."""
+    step = float(np.median([segment.step for segment in log.segments]))
+    return int(max(3, round(WIDTH / step), *(2 * np.ceil(updates - 1e-9)).astype(int)))
+
+
+def with_rest(segment: Segment, is_rate: Floats) -> Segment:
+    """With half a second of rest in front, if it starts at rest without voltage."""
+    still = (
+        not np.any(segment.u[:2]) and np.array_equal(segment.z[0], segment.z[1]) and not np.any(segment.z[0][is_rate])
+    )
+    if not still:
+        return segment
+    count = round(REST / segment.step)
+    u = np.vstack([np.zeros((count, segment.u.shape[1])), segment.u])
+    z = np.vstack([np.repeat(segment.z[:1], count, axis=0), segment.z])
+    return replace(segment, start=segment.start - count * segment.step, u=u, z=z)

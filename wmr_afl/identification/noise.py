@@ -1,0 +1,49 @@
+"""How exactly a channel was measured, read off the channel itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import savgol_coeffs
+
+from wmr_afl.identification.log import Log
+from wmr_afl.numerics.arrays import Floats
+
+_WHOLE = 0.05  # of a step, by which a multiple of it may be off in a file of six digits
+_MOST = 0.9  # of the changes that are whole steps where a channel has steps
+_SMALLEST = 1e-9  # of a channel's range: what is smaller is rounding
+
+
+def quantum(column: Floats) -> float:
+    """The step of an encoder, of which all changes are multiples; zero if there is none."""
+    changes = np.abs(np.diff(column))
+    changes = changes[changes > _SMALLEST * max(float(np.ptp(column)), 1e-300)]
+    if len(changes) < 10:
+        return 0.0
+    small = np.sort(changes)[: max(len(changes) // 20, 5)]
+    step = float(np.median(small[small < 1.5 * small[0]]))
+    near = changes[changes < 1.0 / _WHOLE * step]  # beyond, any number is nearly a multiple
+    multiple = near / step
+    is_whole = np.abs(multiple - np.round(multiple)) < _WHOLE
+    return step if len(near) >= 10 and is_whole.mean() > _MOST else 0.0
+
+
+def standard_deviations(log: Log) -> Floats:
+    """Of each channel's samples, (channels,): quantum/sqrt 12, or what smoothing takes away if there are no steps."""
+    found = []
+    for k in range(len(log.channels)):
+        columns = [segment.z[:, k] for segment in log.segments]
+        steps = [step for step in map(quantum, columns) if step > 0.0]
+        if steps:
+            found.append(min(steps) / np.sqrt(12.0))
+            continue
+        found.append(_scatter(columns))
+    return np.array(found)
+
+
+def _scatter(columns: list[Floats]) -> float:
+    """The standard deviation about a parabola through seven samples; nothing is more exact than its last digits."""
+    kernel = -savgol_coeffs(7, 2, use="dot")
+    kernel[3] += 1.0
+    left = np.concatenate([np.zeros(1), *(np.correlate(one, kernel, "valid") for one in columns if len(one) >= 7)])
+    spread = 1.4826 * float(np.median(np.abs(left))) / float(np.linalg.norm(kernel))
+    return max(spread, 1e-7 * max(float(np.ptp(column)) for column in columns), 1e-12)

@@ -1,0 +1,254 @@
+"""Base parameters by output error: windows are simulated from the voltages and compared with what was measured, raw.
+
+    min over unknown, width, {v0_w, o_w}  sum_w g_w sum_k | (z_wk - o_w - zhat_k(unknown, width, v0_w))/noise |^2  (I8)
+
+The first velocities v0_w and the offsets o_w of the channels belong to a window and are eliminated from every
+linearized step by a QR decomposition of their sensitivities. Nothing measured is differentiated. The cost is 1 if the
+model explains the log down to its noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wmr_afl.errors import SimulationError
+from wmr_afl.identification.estimate import Estimate, Prior, sandwich
+from wmr_afl.identification.motion import Motion, Smoother
+from wmr_afl.identification.simulated import Simulated, told
+from wmr_afl.numerics.arrays import Floats
+
+WINDOW = 1.0  # [s]
+FRICTION_WIDTH = 0.03  # [rad/s], where the search for the width begins
+WIDTH_SPREAD = 1.5  # of its logarithm
+NARROWEST, WIDEST = 1e-3, 1.0  # [rad/s]
+OUTLIER = 3.0  # medians, beyond which a window counts less
+ROUNDS = 12
+_DONE = 1e-4  # of the cost, by which a round has to lessen it
+_DIFFERENCE = 1e-4  # of a number, for its sensitivity
+_ROWS = 4096  # motions that are simulated at a time
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Pieces of a log of the same length: W windows of K samples."""
+
+    x0: Floats  # (W, 2n-m), the state with which each begins
+    u: Floats  # (W, K, n_u) [V], held
+    z: Floats  # (W, K+1, channels), from their first sample
+    weight: Floats  # (W,), so that all segments count alike
+    step: float  # [s]
+
+    def __len__(self) -> int:
+        return len(self.x0)
+
+    def part(self, chosen: slice) -> Windows:
+        return Windows(self.x0[chosen], self.u[chosen], self.z[chosen], self.weight[chosen], self.step)
+
+
+def delayed(u: Floats, delay: float, step: float) -> Floats:
+    """What of a held u (T, n_u) acts on average from sample to sample, `delay` [s] later."""
+    whole = int(np.floor(delay / step + 1e-9))
+    part = delay / step - whole
+
+    def shifted(samples: int) -> Floats:
+        return u[np.clip(np.arange(len(u)) - samples, 0, len(u) - 1)]
+
+    return np.asarray((1.0 - part) * shifted(whole) + part * shifted(whole + 1))
+
+
+def windows_of(motions: Sequence[Motion], seconds: float, delay: float = 0.0) -> list[Windows]:
+    """Windows of all segments, those of one sample time together; half overlapping where a segment holds few."""
+    found: dict[float, list[Windows]] = {}
+    for motion in motions:
+        step = motion.segment.step
+        count = max(4, round(seconds / step))
+        good = np.flatnonzero(motion.ok)
+        if len(good) < count + 1:
+            continue
+        stride = count if len(good) > 10 * count else max(1, count // 2)
+        starts = np.arange(good[0], good[-1] - count + 1, stride)
+        u = delayed(motion.segment.u, delay, step)
+        z = np.stack([motion.segment.z[start : start + count + 1] for start in starts])
+        own = Windows(
+            motion.x[starts],
+            np.stack([u[start : start + count] for start in starts]),
+            z - z[:, :1],
+            np.full(len(starts), len(starts) ** -0.5),
+            step,
+        )
+        found.setdefault(round(step, 9), []).append(own)
+    total = sum(len(own) for group in found.values() for own in group)
+    share = np.sqrt(total / max(sum(map(len, found.values())), 1))
+    return [
+        Windows(
+            x0=np.concatenate([own.x0 for own in group]),
+            u=np.concatenate([own.u for own in group]),
+            z=np.concatenate([own.z for own in group]),
+            weight=share * np.concatenate([own.weight for own in group]),
+            step=group[0].step,
+        )
+        for group in found.values()
+    ]
+
+
+@dataclass(frozen=True)
+class _Linearized:
+    """All windows at one point of the search, first velocities and offsets eliminated."""
+
+    gram: Floats  # (W, n+1, n+1), products of the scaled sensitivities and of what is left
+    start: Floats  # (W, n-m), by which v0 moves if nothing else does
+    start_slope: Floats  # (W, n-m, n), and less for a step of each unknown
+
+    @property
+    def squares(self) -> Floats:
+        """(W,), what is left of each window."""
+        return self.gram[:, -1, -1]
+
+    def cost(self, weight: Floats) -> float:
+        return float(weight @ self.squares) if np.all(np.isfinite(self.gram)) else np.inf
+
+
+class OutputError:
+    """The search over windows of one log."""
+
+    def __init__(self, smoother: Smoother, windows: Sequence[Windows], prior: Prior) -> None:
+        self.effort, self.windows = smoother.effort, list(windows)
+        self.used = np.flatnonzero(smoother.used)
+        self.channels, self.noise = [smoother.channels[k] for k in self.used], smoother.noise[self.used]
+        self.has_width = bool(self.effort.friction_groups)
+        width = [np.log(FRICTION_WIDTH)] if self.has_width else []
+        self.mean = np.concatenate([prior.mean, width])
+        self.precision = np.concatenate([prior.precision, [WIDTH_SPREAD**-2.0] * len(width)])
+        self.weight = np.concatenate([windows.weight for windows in self.windows]) ** 2
+        self.samples = sum(windows.z[:, 1:, 0].size for windows in self.windows) * len(self.channels)
+
+    def fit(self, start: Floats, rounds: int = ROUNDS) -> Estimate:
+        """The search from a first estimate (unknown,), by Levenberg and Marquardt.
+
+        Raises:
+            SimulationError: if the robot of the first estimate cannot be simulated.
+        """
+        unknown = np.concatenate([start, self.mean[len(start) :]])
+        scale = np.where(start != 0.0, np.abs(start), 1e-3 * np.abs(start).max())
+        scale = np.concatenate([scale, [1.0]]) if self.has_width else scale
+        v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
+        now = self._linearized(unknown, scale, v0)
+        if not np.isfinite(now.cost(self.weight)):
+            raise SimulationError("the first estimate is no robot that can be simulated", "give a longer, livelier log")
+        damping = 1e-3
+        for _ in range(rounds):
+            weight = self._weight(now)
+            cost = now.cost(weight) + self._surprise(unknown)
+            normal, gradient = self._normal(now, weight, unknown, scale)
+            for _ in range(8):
+                step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+                other = self._limited(unknown, scale * step)
+                moved = v0 + now.start - now.start_slope @ ((other - unknown) / scale)
+                tried = self._linearized(other, scale, moved)
+                if tried.cost(weight) + self._surprise(other) < cost:
+                    break
+                damping *= 6.0
+            else:
+                break
+            is_done = cost - tried.cost(weight) - self._surprise(other) < _DONE * cost
+            unknown, v0, now, damping = other, moved, tried, damping / 5.0
+            if is_done:
+                break
+        return self._found(unknown, scale, now)
+
+    def _surprise(self, unknown: Floats) -> float:
+        """What the prior adds to the cost."""
+        return float(self.precision @ (unknown - self.mean) ** 2)
+
+    def _weight(self, now: _Linearized) -> Floats:
+        """Of each window's squares, (W,): segments count alike, windows that are far off less."""
+        rms = np.sqrt(now.squares)
+        return np.asarray(self.weight * np.minimum(1.0, OUTLIER * np.median(rms) / np.maximum(rms, 1e-300)) ** 2)
+
+    def _normal(self, now: _Linearized, weight: Floats, unknown: Floats, scale: Floats) -> tuple[Floats, Floats]:
+        """Matrix and right side of the step of the unknown numbers, in units of `scale`."""
+        gram = np.einsum("w,wij->ij", weight, now.gram)
+        normal = gram[:-1, :-1] + np.diag(scale**2 * self.precision)
+        normal += 1e-14 * np.trace(normal) * np.eye(len(normal))
+        return normal, gram[:-1, -1] - scale * self.precision * (unknown - self.mean)
+
+    def _limited(self, unknown: Floats, step: Floats) -> Floats:
+        """The next point: no number changes by more than half, the width by no more than a factor and within bounds."""
+        most = 0.5 * np.abs(unknown) + 1e-3 * np.abs(unknown).max()
+        if self.has_width:
+            most[-1] = 1.0
+        other = unknown + step * min(1.0, float(np.min(most / np.maximum(np.abs(step), 1e-300))))
+        if self.has_width:
+            other[-1] = np.clip(other[-1], np.log(NARROWEST), np.log(WIDEST))
+        return np.asarray(other)
+
+    def _found(self, unknown: Floats, scale: Floats, now: _Linearized) -> Estimate:
+        weight, count = self._weight(now), len(self.effort.units)
+        gram = np.einsum("w,wij->ij", weight, now.gram)[:-1, :-1]
+        slopes = weight[:, None] * now.gram[:, :-1, -1]
+        covariance = sandwich(gram, slopes, scale**2 * self.precision) * np.outer(scale, scale)
+        sizes = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        values = np.linalg.eigvalsh((gram / np.outer(sizes, sizes))[:count, :count])
+        return Estimate(
+            "output error",
+            unknown=unknown[:count],
+            covariance=covariance[:count, :count],
+            width=float(np.exp(unknown[-1])) if self.has_width else FRICTION_WIDTH,
+            cost=float(np.sqrt(now.cost(self.weight) / self.samples)),
+            condition=float(np.sqrt(values[-1] / max(values[0], 1e-300))),
+        )
+
+    def _linearized(self, unknown: Floats, scale: Floats, v0: Floats) -> _Linearized:
+        parts, first = [], 0
+        variants = 1 + len(unknown) + self.effort.n_v
+        for windows in self.windows:
+            at_a_time = max(1, _ROWS // variants)
+            for start in range(0, len(windows), at_a_time):
+                part = windows.part(slice(start, start + at_a_time))
+                parts.append(self._eliminated(part, unknown, scale, v0[first : first + len(part)]))
+                first += len(part)
+        return _Linearized(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+    def _eliminated(
+        self, windows: Windows, unknown: Floats, scale: Floats, v0: Floats
+    ) -> tuple[Floats, Floats, Floats]:
+        """What `_Linearized` holds, of some windows: sensitivities by differences, all motions at once."""
+        count, n_v, n = len(windows), self.effort.n_v, len(unknown)
+        steps = np.concatenate([_DIFFERENCE * scale, _DIFFERENCE * (np.sqrt(np.mean(v0**2, axis=0)) + 1e-6)])
+        changes = np.zeros((1 + n + n_v, n + n_v))
+        changes[1:] = np.diag(steps)
+        numbers = np.repeat(unknown + changes[:, :n], count, axis=0)
+        velocities = (v0 + changes[:, None, n:]).reshape(-1, n_v)
+        x0 = np.tile(windows.x0, (1 + n + n_v, 1))
+        x0[:, self.effort.n :] = velocities
+        u = np.broadcast_to(windows.u, (1 + n + n_v, *windows.u.shape)).reshape(-1, *windows.u.shape[1:])
+        with np.errstate(all="ignore"):
+            seen = self._simulated(numbers, x0, u, windows.step) / self.noise
+        seen = seen.reshape(1 + n + n_v, count, -1)
+        left = (windows.z[:, :, self.used] / self.noise).reshape(count, -1) - seen[0]
+        slopes = np.moveaxis((seen[1:] - seen[0]) / steps[:, None, None], 0, -1)
+        slopes[..., :n] *= scale
+        offsets = np.broadcast_to(np.tile(np.eye(len(self.channels)), (windows.z.shape[1], 1)),
+                                  (count, left.shape[1], len(self.channels)))  # fmt: skip
+        local = np.concatenate([slopes[..., n:], offsets], axis=-1)
+        if not (np.all(np.isfinite(local)) and np.all(np.isfinite(left))):
+            nothing = np.full((count, n + 1, n + 1), np.inf)
+            return nothing, np.zeros((count, n_v)), np.zeros((count, n_v, n))
+        sizes = np.abs(local).max(axis=1, keepdims=True) + 1e-300
+        q, r = np.linalg.qr(local / sizes)
+        whole = np.concatenate([slopes[..., :n], left[..., None]], axis=-1)
+        along = np.einsum("wki,wkj->wij", q, whole)
+        rest = whole - np.einsum("wki,wij->wkj", q, along)
+        moves = np.linalg.solve(r + 1e-14 * np.eye(r.shape[-1]), along)[:, :n_v] / np.moveaxis(sizes, 1, 2)[:, :n_v]
+        return np.einsum("wki,wkj->wij", rest, rest), moves[..., -1], moves[..., :-1]
+
+    def _simulated(self, numbers: Floats, x0: Floats, u: Floats, step: float) -> Floats:
+        """The used channels (N, K+1, .) of motions from x0 (N, 2n-m) under u (N, K, n_u), less where they begin."""
+        width = np.exp(numbers[:, -1]) if self.has_width else np.full(len(x0), FRICTION_WIDTH)
+        states = Simulated(self.effort, step).states(numbers[:, : len(self.effort.units)], width, x0, u)
+        every = told(self.effort, self.channels, states.transpose(1, 0, 2).reshape(states.shape[1], -1))
+        every = every.reshape(len(states), len(x0), -1).transpose(1, 0, 2)
+        return np.asarray(every - every[:, :1])

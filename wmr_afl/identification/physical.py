@@ -1,0 +1,95 @@
+"""From base parameters to the physical parameters that a controller takes: near the description, and possible.
+
+    min_z (base(p) - found)^T cov^-1 (base(p) - found) + sum_k (z_k/0.5)^2,    p_k = p0_k exp z_k           (I10)
+
+Lengths that are not known, which may be negative, are p_k = p0_k + s z_k. What no voltage can tell (all masses and
+torque gains times one factor) stays as the description has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from wmr_afl.identification.effort import Effort
+from wmr_afl.identification.estimate import Estimate
+from wmr_afl.numerics.arrays import Floats
+
+SPREAD = 0.5  # of z: the description may be off by two thirds either way
+LENGTH = 0.5  # of a length, by which one that is not known may be off for z = 1; of the largest length at least a tenth
+MODEL = 2e-3  # of a base parameter, that no model is better than
+TOLD = 0.7  # of the spread: what is left of it where the log says little of a parameter
+CONTRADICTION = 9.0  # chi^2 for each base parameter: no possible robot is within three standard deviations
+
+
+@dataclass(frozen=True)
+class Physical:
+    """Physical parameters that come closest to what was found."""
+
+    p: Floats  # (n_p,)
+    uncertain: tuple[str, ...]  # parameters that were sought
+    kept: tuple[str, ...]  # of these, what stays near the description because the log says little of it alone
+    chi2: float  # for each base parameter
+
+    @property
+    def is_contradiction(self) -> bool:
+        """Whether no robot with positive masses, inertias and constants fits."""
+        return self.chi2 > CONTRADICTION
+
+
+def geometry(effort: Effort) -> list[str]:
+    """Parameters that are taken as known: those on which S, X and R depend, and the known constants."""
+    random, names = np.random.default_rng(0), list(effort.model.parameter_units)
+    q = random.normal(size=(6, effort.n))
+
+    def at(p: Floats) -> Floats:
+        model = effort.model
+        parts = (model.kinematic_matrix(q, p), model.actuator_rates_matrix(q, p))
+        return np.concatenate([np.asarray(part).ravel() for part in parts])
+
+    base = np.where(effort.p != 0.0, effort.p, 0.1)
+    found = []
+    for k, name in enumerate(names):
+        other = base.copy()
+        other[k] *= 1.01
+        if name in effort.model.known_units or not np.allclose(at(other), at(base), rtol=1e-12, atol=1e-12):
+            found.append(name)
+    return found
+
+
+def physical(effort: Effort, estimate: Estimate, given: Collection[str] = ()) -> Physical:
+    """The physical parameters of an estimate; those that were `given` by name stay."""
+    names, units = list(effort.model.parameter_units), effort.model.parameter_units
+    fixed = {*geometry(effort), *given}
+    lengths = [abs(effort.p[k]) for k, name in enumerate(names) if units[name] == "m"]
+    additive = np.array([units[name] == "m" for name in names])
+    size = np.maximum(LENGTH * np.abs(effort.p), 0.1 * max(lengths, default=0.0))
+    sought = [k for k, name in enumerate(names) if name not in fixed and (additive[k] or effort.p[k] != 0.0)]
+    wanted = estimate.unknown[: len(effort.base(effort.p))]
+    covariance = estimate.covariance[: len(wanted), : len(wanted)] + np.diag((MODEL * np.abs(wanted)) ** 2 + 1e-300)
+    deviations = np.sqrt(np.diag(covariance))
+    root = np.linalg.cholesky(covariance / np.outer(deviations, deviations) + 1e-12 * np.eye(len(wanted)))
+
+    def parameters(z: Floats) -> Floats:
+        p = effort.p.copy()
+        p[sought] = np.where(
+            additive[sought], p[sought] + size[sought] * z, p[sought] * np.exp(np.where(additive[sought], 0.0, z))
+        )
+        return p
+
+    def residual(z: Floats) -> Floats:
+        missed = np.linalg.solve(root, (effort.base(parameters(z)) - wanted) / deviations)
+        return np.concatenate([missed, z / SPREAD])
+
+    found = least_squares(residual, np.zeros(len(sought)), jac="3-point", x_scale="jac", max_nfev=200)
+    left = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac))) / SPREAD
+    chi2 = float(np.mean(residual(found.x)[: len(wanted)] ** 2))
+    return Physical(
+        p=parameters(found.x),
+        uncertain=tuple(names[k] for k in sought),
+        kept=tuple(names[k] for k, share in zip(sought, left, strict=True) if share > TOLD),
+        chi2=chi2,
+    )

@@ -1,0 +1,91 @@
+"""Motions under held voltages as the equation in base parameters foresees them, and what would be measured of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+
+from wmr_afl.identification.effort import Effort
+from wmr_afl.identification.log import Channel
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.plant.integrators import rk4
+from wmr_afl.simulation.kernels.c_compiler import compiler, library
+
+SUBSTEP = 0.005  # [s], of the Runge-Kutta steps at most
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Many motions at once, each with base parameters of its own."""
+
+    effort: Effort
+    step: float  # sample time [s]
+
+    def states(self, unknown: Floats, width: Floats, x0: Floats, u: Floats) -> Floats:
+        """States [q; v; motors' angles] (K+1, size, N) from x0 (N, 2n-m) under u (N, K, n_u) [V].
+
+        `unknown` is (N, unknown), `width` of friction (N,) [rad/s]; the angles begin at zero. What grows without bound
+        ends in NaN.
+        """
+        sample = self._sample.map(len(x0))
+        state = np.concatenate([x0.T, np.zeros((u.shape[-1], len(x0)))])
+        found = [state]
+        for k in range(u.shape[1]):
+            state = np.asarray(sample(state, u[:, k].T, unknown.T, width[None]))
+            found.append(state)
+        return np.stack(found)
+
+    @property
+    def _sample(self) -> ca.Function:
+        """(state, u, unknown, width) -> the state one sample later."""
+        return _compiled(_sample(self.effort, self.step))
+
+
+def _sample(effort: Effort, step: float) -> ca.Function:
+    size, inputs = effort.n + effort.n_v, len(effort.model.input_units)
+    state, u = ca.SX.sym("state", size + inputs), ca.SX.sym("u", inputs)
+    unknown, width = ca.SX.sym("unknown", len(effort.units)), ca.SX.sym("width")
+    substeps = max(1, int(np.ceil(step / SUBSTEP - 1e-9)))
+
+    def rate(t: float, s: ca.SX) -> ca.SX:
+        q_rate, v_rate, motor_rates = effort.motion(s[:size], u, unknown, width)
+        return ca.SX(ca.vertcat(q_rate, v_rate, motor_rates))
+
+    now = state
+    for _ in range(substeps):
+        now = rk4(rate, 0.0, now, step / substeps)
+    return ca.Function("sample", [state, u, unknown, width], [now])
+
+
+def _compiled(function: ca.Function) -> ca.Function:
+    """The same function as machine code, where there is a compiler: several times as fast, the same arithmetic."""
+    if compiler() is None:
+        return function
+    generator = ca.CodeGenerator(f"{function.name()}.c", {"with_header": False})
+    generator.add(function)
+    return _external(function.name(), generator.dump())
+
+
+@cache
+def _external(name: str, text: str) -> ca.Function:
+    return ca.external(name, library(text, is_fused=False)._name)
+
+
+def told(effort: Effort, channels: Sequence[Channel], state: Floats) -> Floats:
+    """What the channels would measure at states [q; v; motors' angles] (size, N): (N, channels)."""
+    n, size = effort.n, effort.n + effort.n_v
+    q, v = state[:n].T, state[n:size].T
+    matrices = {"motor": effort.motor_rates, "coordinate": effort.kinematic}
+    columns = []
+    for one in channels:
+        if one.matrix == "velocity":
+            columns.append(v[:, one.index])
+        elif one.is_rate:
+            columns.append(np.einsum("...i,...i->...", matrices[one.matrix](q)[:, one.index], v))
+        else:
+            columns.append(state[size + one.index] if one.matrix == "motor" else q[:, one.index])
+    return np.stack(columns, axis=1)

@@ -1,0 +1,146 @@
+"""Base parameters by the weak form: test functions psi take the derivative from the velocities, none is computed.
+
+    sum psi R_1 u_1 = sum [psi (Y_0 - sum_i (dY_i/dt) v_i) - psi' sum_i Y_i v_i] pi - ...     along a window (I7)
+
+Rows of a window are left out if a motor stands under voltage for more than a tenth of it: friction is undetermined
+there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from wmr_afl.errors import WmrError
+from wmr_afl.identification.effort import Effort, blocks
+from wmr_afl.identification.estimate import Estimate, Prior, sandwich
+from wmr_afl.identification.motion import Motion
+from wmr_afl.numerics.arrays import Floats
+
+WINDOW = 0.24  # [s], half of a test function
+SHORT = 0.15  # [s], the same where segments last two seconds or less
+FRICTION_WIDTH = 0.1  # [rad/s], over which friction changes its sign here; rates are too coarse for less
+STANDS = 0.1  # of a window, during which a motor may stand under voltage
+UNDER_VOLTAGE = 0.02  # of the largest voltage
+OVERLAP = 16  # windows in a row that are no independent witnesses: two lengths of one
+_CHUNK = 20_000  # samples that are worked on at a time
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Least squares rows: matrix (N, unknown) and right side (N,), of all windows and pseudo-velocities."""
+
+    matrix: Floats
+    right: Floats
+    kind: Floats  # (N,), which pseudo-velocity
+
+
+def bump(half: int) -> tuple[Floats, Floats]:
+    """(1 - (k/(L+1))^2)^3 for k = -L ... L, and its slope by sample: both are zero at the ends."""
+    s = np.arange(-half, half + 1) / (half + 1)
+    return (1.0 - s**2) ** 3, -6.0 * s * (1.0 - s**2) ** 2 / (half + 1)
+
+
+def rows_of(effort: Effort, motion: Motion, window: float) -> Rows:
+    """The windows of a segment, a quarter of a half window apart."""
+    dt = motion.segment.step
+    half = max(4, round(window / dt))
+    stride = max(1, half // 4)
+    psi, slope = bump(half)
+    weight = psi.sum()
+    empty = Rows(np.empty((0, len(effort.units))), np.empty(0), np.empty(0, dtype=int))
+    good = np.flatnonzero(motion.ok)
+    if len(good) < 2 * half + 1:
+        return empty
+    matrices, rights, kinds = [], [], []
+    for first in range(int(good[0]), int(good[-1]) + 1, _CHUNK):
+        stop = min(first + _CHUNK + 2 * half, int(good[-1]) + 1)
+        if stop - first < 2 * half + 1:
+            break
+        a, b, right, still = _terms(effort, motion, slice(first, stop))
+        for start in range(0, min(stop - first - 2 * half, _CHUNK), stride):
+            part = slice(start, start + 2 * half + 1)
+            if psi @ still[part] > STANDS * weight:
+                continue
+            row = np.einsum("t,tup->up", psi, a[part]) - np.einsum("t,tup->up", slope / dt, b[part])
+            matrices.append(row / weight)
+            rights.append(psi @ right[part] / weight)
+            kinds.append(np.arange(effort.n_v))
+    if not matrices:
+        return empty
+    return Rows(np.concatenate(matrices), np.concatenate(rights), np.concatenate(kinds))
+
+
+def _terms(effort: Effort, motion: Motion, part: slice) -> tuple[Floats, Floats, Floats, Floats]:
+    """What psi multiplies (T, n-m, unknown), what psi' multiplies, R_1 u_1 (T, n-m), and if a motor stands (T,)."""
+    x, u = motion.x[part], motion.u[part]
+    a, b, first, rates = effort.weak_terms.map(len(x))(x.T, u.T, FRICTION_WIDTH)
+    under = np.abs(u) > UNDER_VOLTAGE * np.abs(motion.u).max()
+    still = ((np.abs(np.asarray(rates).T) < 2.0 * FRICTION_WIDTH) & under).any(axis=1)
+    return blocks(a, len(x)), blocks(b, len(x)), np.asarray(first).T, still.astype(float)
+
+
+@dataclass(frozen=True)
+class WeakEstimate(Estimate):
+    """With what only the weak form tells."""
+
+    share: Floats = field(default_factory=lambda: np.empty(0))  # (unknown,), of each number in the voltages
+    left: float = np.nan  # of the voltages, what is unexplained
+
+
+def weak_form(effort: Effort, motions: Sequence[Motion], window: float, prior: Prior) -> WeakEstimate:
+    """The unknown numbers, every segment counting alike.
+
+    Raises:
+        WmrError: if no window is left.
+    """
+    found = [rows for rows in (rows_of(effort, motion, window) for motion in motions) if len(rows.right)]
+    if not found:
+        problem = f"no {2 * window:g} s of the log are free of standstill under voltage"
+        raise WmrError(problem, "log a motion that lasts, with voltages well above friction")
+    total = sum(len(rows.right) for rows in found)
+    shares = np.concatenate([np.full(len(rows.right), np.sqrt(total / len(rows.right) / len(found))) for rows in found])
+    matrix, right, kind = (
+        np.concatenate([getattr(one, name) for one in found]) for name in ("matrix", "right", "kind")
+    )
+    scale = np.array([np.sqrt(np.mean(right[kind == i] ** 2)) for i in range(effort.n_v)])
+    size = np.maximum(scale, 1e-9 * scale.max())[kind]
+    share = np.sqrt(np.mean((matrix / size[:, None]) ** 2, axis=0))
+    unknown = prior.mean
+    for _ in range(3):  # rows of a pseudo-velocity by what is left in them
+        weights = shares / np.maximum(scale, 1e-9 * scale.max())[kind]
+        rows, wanted = matrix * weights[:, None], right * weights
+        unknown = solved(rows, wanted, prior)
+        left = right - matrix @ unknown
+        scale = np.array([np.sqrt(np.mean(left[kind == i] ** 2)) for i in range(effort.n_v)])
+    weights = shares / np.maximum(scale, 1e-9 * scale.max())[kind]
+    rows = matrix * weights[:, None]
+    scores = rows * (left * weights)[:, None]
+    block = effort.n_v * OVERLAP
+    ends = np.arange(0, len(scores), block)
+    normal = rows.T @ rows
+    covariance = sandwich(normal, np.add.reduceat(scores, ends, axis=0), prior.precision)
+    sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    values = np.linalg.eigvalsh(normal / np.outer(sizes, sizes))
+    condition = float(np.sqrt(values[-1] / max(values[0], 1e-300)))
+    return WeakEstimate(
+        "weak form",
+        unknown,
+        covariance,
+        FRICTION_WIDTH,
+        condition=condition,
+        share=share * np.abs(unknown),
+        left=float(np.sqrt(np.mean((shares * left / size) ** 2))),
+    )
+
+
+def solved(matrix: Floats, right: Floats, prior: Prior) -> Floats:
+    """Least squares with columns of unit size; what no row sees is as the prior has it."""
+    known = np.isfinite(prior.spread)
+    matrix = np.vstack([matrix, np.diag(prior.spread**-1.0)[known]])
+    right = np.concatenate([right, (prior.mean / prior.spread)[known]])
+    sizes = np.linalg.norm(matrix, axis=0)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    return np.asarray(np.linalg.lstsq(matrix / sizes, right, rcond=1e-12)[0] / sizes)

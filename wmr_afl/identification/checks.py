@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from wmr_afl.errors import WmrError
-from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.log import Log
 from wmr_afl.identification.motion import Motion, Smoother
 from wmr_afl.identification.noise import quantum
@@ -20,7 +19,7 @@ DEGREES = 180.0 / np.pi
 REPEATED = 0.2  # of the samples of a moving channel that only repeat the one before
 STILL = 3.0  # standard deviations of a channel: less is no motion
 ALIKE = 0.9  # of the samples at which two motors have the same voltage to the last digit
-MISSING = 0.05  # of the motors' rates, that a pseudo-velocity brings about at least
+MISSING = 5.0  # times its noise, that a pseudo-velocity has at least
 LARGEST = 0.98  # of the samples at which a voltage is at its largest
 DRIVEN = 0.1  # of the largest voltage, by which a motor's varies that is driven
 LEAST = 2.0  # [s], that a log lasts at least
@@ -82,32 +81,30 @@ def dead_encoders(log: Log) -> list[int]:
     ]
 
 
-def missing_motions(effort: Effort, motions: list[Motion]) -> list[str]:
-    """Pseudo-velocities that the log does not show."""
-    x = np.concatenate([motion.x[motion.ok] for motion in motions])
-    rows = effort.motor_rates(x[:, : effort.n])
-    each = np.sqrt(np.mean(np.sum((rows * x[:, None, effort.n :]) ** 2, axis=1), axis=0))
+def missing_motions(smoother: Smoother, motions: list[Motion]) -> list[str]:
+    """Pseudo-velocities that the log does not show: their noise is all there is of them."""
+    effort = smoother.effort
+    chosen = [(motion, motion.x[motion.ok]) for motion in motions if motion.ok.any()]
+    size = np.sqrt(np.mean(np.concatenate([x[:, effort.n :] for _, x in chosen]) ** 2, axis=0))
+    noise = np.max([smoother.spread(motion.segment, x[:: max(1, len(x) // 200)]) for motion, x in chosen], axis=0)
     names = list(effort.model.state_units)[effort.n :]
-    return [name for name, size in zip(names, each, strict=True) if size < MISSING * np.linalg.norm(each)]
+    return [name for name, own, least in zip(names, size, MISSING * noise, strict=True) if own < least]
 
 
-def updates(log: Log, noise: Floats) -> Floats:
+def updates(log: Log) -> Floats:
     """How many samples a channel keeps its value while it moves, (channels,): 1 if each sample is a new one."""
-    found = []
-    for k in range(len(log.channels)):
-        same = moving = 0
-        for segment in log.segments:
-            z = segment.z[:, k]
-            if len(z) < 12:
+    found = np.ones(len(log.channels))
+    for segment in log.segments:
+        for k, z in enumerate(segment.z.T):
+            if len(z) < 50:
                 continue
-            over = np.abs(z[8:] - z[:-8]) / 8.0  # a sample, on average over eight
-            fast = over > max(3.0 * quantum(z), 6.0 * noise[k] if quantum(z) == 0.0 else 0.0)
-            fast &= over > 0.0
-            moving += int(fast.sum())
-            same += int((fast & (np.diff(z)[3:-4] == 0.0)).sum())
-        share = same / moving if moving > 50 else 0.0
-        found.append(1.0 / (1.0 - min(share, 0.95)) if share > REPEATED else 1.0)
-    return np.array(found)
+            step = quantum(z)
+            over = np.abs(z[8:] - z[:-8]) / 8.0  # a sample, on average over eight: steps of an encoder hide no repeats
+            moving = (over > 3.0 * step) & (over > 0.0)
+            share = np.mean(np.diff(z)[3:-4][moving] == 0.0) if moving.sum() > 30 else 0.0
+            if share > REPEATED:
+                found[k] = max(found[k], 1.0 / (1.0 - min(share, 0.95)))
+    return found
 
 
 def findings(smoother: Smoother, log: Log, motions: list[Motion], periods: Floats) -> Iterator[Finding]:

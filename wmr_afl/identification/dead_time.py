@@ -7,15 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from wmr_afl.identification.effort import Effort
-from wmr_afl.identification.estimate import Prior
 from wmr_afl.identification.log import Segment
 from wmr_afl.identification.motion import Motion, Smoother
-from wmr_afl.identification.output_error import delayed
-from wmr_afl.identification.weak_form import weak_form
+from wmr_afl.identification.output_error import OutputError, delayed, windows_of
+from wmr_afl.identification.weak_form import WeakForm
 
-MOST = 0.12  # [s], that is tried
-CLEAR = 0.05  # of what the weak form leaves unexplained, which a delay has to explain to be believed
+MOST = 0.12  # [s], that is tried; half as much the other way
+CLEAR = 0.1  # of what simulated windows leave, which a delay has to explain to be believed
 
 
 def later(segment: Segment, delay: float) -> Segment:
@@ -23,27 +21,34 @@ def later(segment: Segment, delay: float) -> Segment:
     return segment if delay == 0.0 else replace(segment, u=delayed(segment.u, delay, segment.step))
 
 
-def dead_time(smoother: Smoother, motions: Sequence[Motion], window: float, prior: Prior) -> tuple[float, float]:
-    """The delay [s] for which the weak form leaves least, and by what share it leaves less than without."""
+def dead_time(smoother: Smoother, motions: Sequence[Motion], weak: WeakForm, window: float) -> tuple[float, float]:
+    """The delay [s] for which the weak form leaves least, and by what share simulated windows leave less with it.
+
+    What the weak form leaves is found quickly, but a log of coarse rates deceives it: windows (`window` [s]) decide.
+    """
     step = float(np.median([motion.segment.step for motion in motions]))
     count = min(8, max(2, round(MOST / step)))
     tried = np.linspace(-0.5 * MOST, MOST, 3 * count + 1)
-    left = np.array([_left(smoother.effort, _delayed(smoother, motions, delay), window, prior) for delay in tried])
+    left = [weak.estimate(_delayed(smoother, motions, delay)).left for delay in tried]
     best = int(np.argmin(left))
-    if best in (0, len(tried) - 1):
-        return float(tried[best]), _gain(left[best], left[np.argmin(np.abs(tried))])
-    curve = np.polyfit(tried[best - 1 : best + 2], left[best - 1 : best + 2], 2)
-    return float(-curve[1] / (2.0 * curve[0])), _gain(left[best], left[np.argmin(np.abs(tried))])
-
-
-def _gain(least: float, without: float) -> float:
-    return float(1.0 - least / without) if without > 0.0 else 0.0
+    found = float(tried[best])
+    if 0 < best < len(tried) - 1:
+        curve = np.polyfit(tried[best - 1 : best + 2], left[best - 1 : best + 2], 2)
+        found = float(-curve[1] / (2.0 * curve[0]))
+    misfits = []
+    for delay in (0.0, found):
+        moved = _delayed(smoother, motions, delay)
+        windows = windows_of(moved, window, smoother.periods)
+        if not windows:
+            return found, 0.0
+        misfits.append(OutputError(smoother, windows, weak.prior).misfit(weak.estimate(moved)))
+    return found, 1.0 - misfits[1] / misfits[0] if np.all(np.isfinite(misfits)) else 0.0
 
 
 def _delayed(smoother: Smoother, motions: Sequence[Motion], delay: float) -> list[Motion]:
-    """Only the voltages are smoothed again."""
-    return [replace(motion, u=smoother.smoothed(later(motion.segment, delay))) for motion in motions]
-
-
-def _left(effort: Effort, motions: Sequence[Motion], window: float, prior: Prior) -> float:
-    return weak_form(effort, motions, window, prior).left
+    """Only the voltages are moved and smoothed again."""
+    segments = [later(motion.segment, delay) for motion in motions]
+    return [
+        replace(motion, segment=segment, u=smoother.smoothed(segment))
+        for motion, segment in zip(motions, segments, strict=True)
+    ]

@@ -17,12 +17,14 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from wmr_afl.errors import MissingTermError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.linear_algebra import solve
 
+SLIGHT = 1e-2  # of the inertia of the description: with less there is no motion to speak of
 Coulomb = Literal["each", "grouped", "none"]
 
 
@@ -33,6 +35,7 @@ class Effort:
     model: Model
     p: Floats  # (n_p,), of which only lengths in S and X and known constants are read
     coulomb: Coulomb = "grouped"
+    given: frozenset[str] = frozenset()  # parameters that are known besides geometry
 
     def __post_init__(self) -> None:
         if not self.model.has("effort_regressor"):
@@ -171,6 +174,57 @@ class Effort:
         friction = blocks(terms(x.T, zero, width)[0], len(x))[..., -len(self.friction_groups) or len(self.units) :]
         regressor = np.asarray(self.model.effort_regressor(x, a, self.c))
         return np.asarray(regressor @ unknown[: self.n_pi] + friction @ unknown[len(unknown) - friction.shape[-1] :])
+
+    def can_be(self, unknown: Floats, other: Floats, x: Floats) -> bool:
+        """Whether every motion has inertia, at states x (T, 2n-m), as a possible robot (`other`) has."""
+        every = self.inertia.map(len(x))
+        own, possible = (blocks(every(x.T, one[: self.n_pi]), len(x)) for one in (unknown, other))
+        with np.errstate(all="ignore"):
+            ratios = np.linalg.eigvals(np.linalg.solve(possible, own)).real
+        return bool(np.all(ratios > SLIGHT))
+
+    @cached_property
+    def inertia(self) -> ca.Function:
+        """(x, pi) -> M = [Y_1 pi ... Y_(n-m) pi] (I4)."""
+        s, pi = self._symbols, ca.SX.sym("pi", self.n_pi)
+        return ca.Function("inertia", [s.x, pi], [ca.horzcat(*(one @ pi for one in s.y))])
+
+    @cached_property
+    def is_length(self) -> tuple[bool, ...]:
+        """Whether a parameter is a length, which may be zero or negative, one entry a parameter."""
+        return tuple(unit == "m" for unit in self.model.parameter_units.values())
+
+    @cached_property
+    def sought(self) -> tuple[int, ...]:
+        """Parameters that a log is asked for: neither lengths in S, X or c, nor given, nor absent (zero)."""
+        names, random = list(self.model.parameter_units), np.random.default_rng(0)
+        q, p = random.normal(size=(6, self.n)), np.where(self.p != 0.0, self.p, 0.1)
+
+        def at(p: Floats) -> Floats:
+            parts = (self.model.kinematic_matrix(q, p), self.model.actuator_rates_matrix(q, p))
+            return np.concatenate([np.asarray(part).ravel() for part in parts])
+
+        def is_free(k: int) -> bool:
+            if names[k] in self.given or names[k] in self.model.known_units:
+                return False
+            return (self.is_length[k] or self.p[k] != 0.0) and np.allclose(at(p * (1.0 + 0.01 * unit[k])), at(p), 1e-12)
+
+        unit = np.eye(len(names))
+        return tuple(k for k in range(len(names)) if is_free(k))
+
+    @cached_property
+    def is_free(self) -> NDArray[np.bool_]:
+        """Whether a log decides a number (unknown,): base parameters of known ones only are known, too."""
+        random, free = np.random.default_rng(0), np.ones(len(self.units), dtype=bool)
+        own = self.base(self.p)
+        changed = np.zeros(len(own), dtype=bool)
+        for _ in range(4):
+            p = self.p.copy()
+            for k in self.sought:
+                p[k] += random.uniform(0.01, 0.1) * (p[k] if p[k] != 0.0 else 1.0)
+            changed |= ~np.isclose(self.base(p), own, rtol=1e-12, atol=0.0)
+        free[: len(own)] = changed
+        return free
 
     @cached_property
     def cyclic(self) -> tuple[bool, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wmr_afl.identification.effort import Effort
 from wmr_afl.numerics.arrays import Floats
@@ -19,11 +20,24 @@ class Prior:
 
     mean: Floats  # (unknown,)
     spread: Floats  # (unknown,), infinite where the description says nothing
+    is_free: NDArray[np.bool_]  # (unknown,), whether a log decides it; the others are known
 
     @property
     def precision(self) -> Floats:
-        """1/spread^2."""
-        return np.asarray(self.spread**-2.0)
+        """1/spread^2 of the free ones."""
+        return np.asarray(self.spread[self.is_free] ** -2.0)
+
+    def whole(self, free: Floats) -> Floats:
+        """All numbers (..., unknown), of which the free ones are (..., free)."""
+        every = np.broadcast_to(self.mean, (*free.shape[:-1], len(self.mean))).copy()
+        every[..., self.is_free] = free
+        return every
+
+    def spread_out(self, covariance: Floats) -> Floats:
+        """The covariance of all numbers, of which known ones have none."""
+        every = np.zeros((len(self.mean), len(self.mean)))
+        every[np.ix_(self.is_free, self.is_free)] = covariance
+        return every
 
 
 def prior_of(effort: Effort, largest_voltage: float) -> Prior:
@@ -31,7 +45,7 @@ def prior_of(effort: Effort, largest_voltage: float) -> Prior:
     base = effort.base(effort.p)
     friction = np.full(len(effort.friction_groups), 0.03 * largest_voltage)
     mean = np.concatenate([base, friction])
-    return Prior(mean, np.where(mean != 0.0, VAGUE * np.abs(mean), np.inf))
+    return Prior(mean, np.where(mean != 0.0, VAGUE * np.abs(mean), np.inf), effort.is_free)
 
 
 @dataclass(frozen=True)

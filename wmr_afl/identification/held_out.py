@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wmr_afl.errors import InputError
 from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.estimate import Estimate
-from wmr_afl.identification.log import Log, Segment
+from wmr_afl.identification.log import Log
 from wmr_afl.identification.motion import Motion
 from wmr_afl.identification.output_error import delayed
 from wmr_afl.identification.simulated import Simulated
@@ -47,16 +49,15 @@ def split(log: Log, hold_out: str | float) -> tuple[Log, Log]:
     return log.of(kept), log.of([one.part(cut, len(one)) for one, cut in zip(log.segments, cuts, strict=True)])
 
 
-def foretold(effort: Effort, motion: Motion, estimate: Estimate, delay: float = 0.0) -> tuple[Floats, Floats, Floats]:
-    """Times (T,), measured v (T, n-m) and v simulated from the voltages alone (T, n-m), window after window.
+def foretold(effort: Effort, motion: Motion, estimate: Estimate, delay: float = 0.0) -> tuple[NDArray[np.intp], Floats]:
+    """Rows (T,) of a motion, and v (T, n-m) simulated there from the voltages alone, window after window.
 
     A window begins with the measured state.
     """
     segment = motion.segment
     good = np.flatnonzero(motion.ok)
     if len(good) < 3:
-        empty = np.empty((0, effort.n_v))
-        return np.empty(0), empty, empty
+        return np.empty(0, dtype=int), np.empty((0, effort.n_v))
     duration = len(good) * segment.step
     count = len(good) - 1 if duration <= WHOLE else min(len(good) - 1, round(WINDOW / segment.step))
     starts = np.arange(good[0], good[-1] - count + 1, count)
@@ -67,39 +68,38 @@ def foretold(effort: Effort, motion: Motion, estimate: Estimate, delay: float = 
     states = Simulated(effort, segment.step).states(numbers, widths, motion.x[starts], held)
     rows = (starts[:, None] + np.arange(count)).ravel()
     velocities = states[:-1, effort.n : effort.n + effort.n_v].transpose(2, 0, 1).reshape(-1, effort.n_v)
-    return segment.time[rows], motion.x[rows, effort.n :], velocities
+    return rows, velocities
 
 
-def fit(effort: Effort, motions: Sequence[Motion], estimate: Estimate, delay: float = 0.0) -> Floats:
-    """100 (1 - |v - vhat|/|v - mean v|) of each pseudo-velocity, (n-m,); NaN where a velocity never changes."""
-    parts = [foretold(effort, motion, estimate, delay)[1:] for motion in motions]
-    measured, simulated = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
-    if not len(measured):
-        return np.full(effort.n_v, np.nan)
+@dataclass(frozen=True)
+class Score:
+    """100 (1 - |v - vhat|/|v - mean v|) over all that was held out, simulated from the voltages."""
+
+    each: Floats  # (n-m,) [%], of each pseudo-velocity; NaN where it never changes, -inf where the simulation fails
+    overall: float  # [%], of all motors' rates together, in which each has its weight
+
+
+def score(effort: Effort, motions: Sequence[Motion], estimate: Estimate, delay: float = 0.0) -> Score:
+    """How well an estimate foretells what was held out."""
+    velocities: list[tuple[Floats, Floats]] = []
+    rates: list[tuple[Floats, Floats]] = []
+    for motion in motions:
+        rows, simulated = foretold(effort, motion, estimate, delay)
+        x = motion.x[rows]
+        velocities.append((x[:, effort.n :], simulated))
+        rates.append((effort.rates(x), effort.rates(np.hstack([x[:, : effort.n], simulated]))))
+    each = _fit(*map(np.concatenate, zip(*velocities, strict=True)))
+    true, told = map(np.concatenate, zip(*rates, strict=True))
+    pooled = _fit((true - true.mean(axis=0)).ravel()[:, None], (told - true.mean(axis=0)).ravel()[:, None])
+    return Score(each, float(pooled[0]))
+
+
+def _fit(measured: Floats, simulated: Floats) -> Floats:
+    """The percentage of each column."""
+    if len(measured) == 0:
+        return np.full(measured.shape[1], np.nan)
     with np.errstate(all="ignore"):
         size = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
         missed = np.linalg.norm(measured - simulated, axis=0)
         found = 100.0 * (1.0 - missed / np.where(size > 0.0, size, np.nan))
     return np.asarray(np.where(np.isfinite(missed), found, -np.inf))
-
-
-def overall(effort: Effort, motions: Sequence[Motion], estimate: Estimate, delay: float = 0.0) -> float:
-    """The same of all motors' rates together, in which every pseudo-velocity has its weight [%]."""
-    size = missed = 0.0
-    for motion in motions:
-        _, measured, simulated = foretold(effort, motion, estimate, delay)
-        if not len(measured):
-            continue
-        good = np.flatnonzero(motion.ok)[: len(measured)]
-        rows = effort.motor_rates(motion.x[good, : effort.n])
-        true, told = (np.einsum("...ij,...j->...i", rows, v) for v in (measured, simulated))
-        size += float(np.sum((true - true.mean(axis=0)) ** 2))
-        missed += float(np.sum((true - told) ** 2))
-    if size == 0.0:
-        return float("nan")
-    return 100.0 * (1.0 - float(np.sqrt(missed / size))) if np.isfinite(missed) else -np.inf
-
-
-def longest(log: Log) -> Segment:
-    """The segment that lasts longest."""
-    return max(log.segments, key=lambda one: len(one) * one.step)

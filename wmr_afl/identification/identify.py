@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.errors import InputError, SimulationError, WmrError
-from wmr_afl.identification import held_out
 from wmr_afl.identification.checks import (
     Finding,
     check_input,
@@ -22,18 +22,20 @@ from wmr_afl.identification.checks import (
 from wmr_afl.identification.dead_time import CLEAR, dead_time, later
 from wmr_afl.identification.effort import Coulomb, Effort
 from wmr_afl.identification.estimate import Estimate, Prior, prior_of
+from wmr_afl.identification.held_out import Score, score, split
 from wmr_afl.identification.log import Log
 from wmr_afl.identification.log_file import read_logs
 from wmr_afl.identification.motion import Motion, Smoother, half_width, with_rest
 from wmr_afl.identification.noise import standard_deviations
 from wmr_afl.identification.output_error import WINDOW, OutputError, windows_of
 from wmr_afl.identification.physical import Physical, physical
-from wmr_afl.identification.weak_form import SHORT, weak_form
+from wmr_afl.identification.weak_form import SHORT, WeakForm
 from wmr_afl.identification.weak_form import WINDOW as WEAK_WINDOW
 from wmr_afl.model.model import Model, load_model
 from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
 
+TRIED = 2.0  # [s], of the windows of what was held out
 TEST = 2.0  # [s]: tests that last no longer have short test functions
 
 
@@ -42,8 +44,8 @@ class Tried:
     """An estimate from the part of the log that was not held out, and what it foretells of the other part."""
 
     estimate: Estimate
-    fit: Floats  # (n-m,) [%], of each pseudo-velocity
-    overall: float  # [%], of all motors' rates
+    score: Score
+    misfit: float  # what it leaves of windows of the other part, in units of the noise; the least decides
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,8 +79,9 @@ class Identified:
 
     @property
     def undetermined(self) -> list[str]:
-        """The numbers of which the log says too little."""
-        return [name for name, told in zip(self.names, self.estimate.is_determined, strict=True) if not told]
+        """The numbers of which the log says too little; what is known needs no log."""
+        rows = zip(self.names, self.estimate.is_determined, self.effort.is_free, strict=True)
+        return [name for name, is_told, is_free in rows if is_free and not is_told]
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -96,7 +99,7 @@ class Identified:
         best = self.chosen
         cost = self.cost
         explains = "" if cost is None else f"leaves {cost:.2f} of the measurement's noise, "
-        text = f"{best.estimate.method}: {explains}foretells {best.overall:.1f} % of what was held out"
+        text = f"{best.estimate.method}: {explains}foretells {best.score.overall:.1f} % of what was held out"
         if self.physical.is_contradiction:
             return f"{text}; a contradiction: no possible robot is like that (chi^2/n {self.physical.chi2:.0f})"
         return text
@@ -154,62 +157,71 @@ def identify(
     """
     model = robot if isinstance(robot, Model) else load_model(robot)
     p = model.parameters(**dict(parameters or {}))
-    effort = Effort(model, np.asarray(p, dtype=float), coulomb)
+    effort = Effort(model, np.asarray(p, dtype=float), coulomb, frozenset(parameters or ()))
     files = [logs] if isinstance(logs, str | Path) else logs
     log = files if isinstance(files, Log) else read_logs(model, files)
     if not -0.5 <= delay <= 0.5:
         raise InputError("delay", f"{delay:g}", "is no dead time of a motor", "give it in seconds, as 0.02")
     log, dead = _without_dead(log)
-    noise = standard_deviations(log)
+    periods = updates(log)
+    noise = standard_deviations(log, periods)
     check_input(log, noise)
-    periods = updates(log, noise)
-    smoother = Smoother(effort, log.channels, noise, half_width(log, periods))
+    smoother = Smoother(effort, log.channels, noise, periods, half_width(log, periods))
     whole, (train, held) = _motions(smoother, log, delay), _held(smoother, log, hold_out, delay)
-    missing = missing_motions(effort, whole)
+    missing = missing_motions(smoother, whole)
     if missing and not partial:
         problem = f"the log holds no motion of {', '.join(missing)}"
         raise WmrError(problem, "drive such motions too, or take what the rest tells (--partial)")
     window = SHORT if np.median([len(one) * one.step for one in log.segments]) <= TEST else WEAK_WINDOW
     prior = prior_of(effort, max(float(np.abs(segment.u).max()) for segment in log.segments))
-    tried = tuple(
-        Tried(one, held_out.fit(effort, held, one), held_out.overall(effort, held, one))
-        for one in _estimates(smoother, train, window, prior)
-    )
-    best = max(tried, key=lambda one: (np.nan_to_num(one.overall, nan=-np.inf), one.estimate.cost is not None))
-    weak = weak_form(effort, whole, window, prior)
+    velocities = list(model.state_units)[model.coordinate_count :]
+    shown = tuple(i for i, name in enumerate(velocities) if name not in missing)
+    form = WeakForm(effort, prior, window, shown)
+    tried = tuple(_tried(smoother, held, one, prior) for one in _estimates(smoother, train, form))
+    best = min(tried, key=lambda one: one.misfit)
+    weak = form.estimate(whole)
     final: Estimate = weak
     if best.estimate.cost is not None:
-        final = OutputError(smoother, windows_of(whole, _window(whole)), prior).fit(best.estimate.unknown)
+        final = OutputError(smoother, windows_of(whole, _window(whole), periods), prior).fit(best.estimate.unknown)
     share = weak.share * np.abs(final.unknown) / np.maximum(np.abs(weak.unknown), 1e-300)
-    checks = [*dead, *findings(smoother, log, whole, periods), _dead_time(smoother, whole, window, prior, delay)]
+    checks = [*dead, *findings(smoother, log, whole, periods), _dead_time(smoother, whole, form, delay)]
     if missing:
         text = f"no motion of {', '.join(missing)}: what only that tells is as in the description"
         checks.append(Finding("motion", text, "drive such motions too"))
-    found = physical(effort, final, given=tuple(parameters or ()))
+    found = physical(effort, final)
     return Identified(effort, log, tuple(checks), tried, final, share, found, tuple(held), delay)
 
 
-def _estimates(smoother: Smoother, motions: list[Motion], window: float, prior: Prior) -> list[Estimate]:
+def _tried(smoother: Smoother, held: list[Motion], estimate: Estimate, prior: Prior) -> Tried:
+    windows = windows_of(held, min(TRIED, 0.5 * _longest(held)), smoother.periods)
+    misfit = OutputError(smoother, windows, prior).misfit(estimate) if windows else np.inf
+    return Tried(estimate, score(smoother.effort, held, estimate), misfit if np.isfinite(misfit) else np.inf)
+
+
+def _estimates(smoother: Smoother, motions: list[Motion], form: WeakForm) -> list[Estimate]:
     """By the weak form, and from there by output error, if there are windows of a second."""
-    weak = weak_form(smoother.effort, motions, window, prior)
-    windows = windows_of(motions, _window(motions))
+    weak = form.estimate(motions)
+    windows = windows_of(motions, _window(motions), smoother.periods)
     if not windows:
         return [weak]
-    search = OutputError(smoother, windows, prior)
-    found: list[Estimate] = []
-    for start in (weak.unknown, prior.mean):
-        try:
-            found.append(search.fit(start))
-        except (SimulationError, np.linalg.LinAlgError):
-            continue
-    best = min(found, key=lambda one: one.cost or np.inf, default=None)
-    return [weak] if best is None else [weak, best]
+    search = OutputError(smoother, windows, form.prior)
+    x = np.concatenate([one.x0 for one in windows])
+    for share in (1.0, 0.5, 0.0):  # of the way from the description
+        start = form.prior.mean + share * (weak.unknown - form.prior.mean)
+        if smoother.effort.can_be(start, form.prior.mean, x):
+            with suppress(SimulationError, np.linalg.LinAlgError):
+                return [weak, search.fit(start)]
+    return [weak]
 
 
 def _window(motions: list[Motion]) -> float:
     """A second, or less where no test lasts so long."""
-    longest = max(float(motion.ok.sum()) * motion.segment.step for motion in motions)
-    return min(WINDOW, 0.5 * longest)
+    return min(WINDOW, 0.5 * _longest(motions))
+
+
+def _longest(motions: list[Motion]) -> float:
+    """[s], of the segment that lasts longest."""
+    return max(float(motion.ok.sum()) * motion.segment.step for motion in motions)
 
 
 def _motions(smoother: Smoother, log: Log, delay: float) -> list[Motion]:
@@ -218,7 +230,7 @@ def _motions(smoother: Smoother, log: Log, delay: float) -> list[Motion]:
 
 
 def _held(smoother: Smoother, log: Log, hold_out: str | float, delay: float) -> tuple[list[Motion], list[Motion]]:
-    kept, held = held_out.split(log, hold_out)
+    kept, held = split(log, hold_out)
     return _motions(smoother, kept, delay), _motions(smoother, held, delay)
 
 
@@ -237,8 +249,8 @@ def _without_dead(log: Log) -> tuple[Log, list[Finding]]:
     return Log(log.model, tuple(log.channels[k] for k in kept), segments), [finding]
 
 
-def _dead_time(smoother: Smoother, motions: list[Motion], window: float, prior: Prior, delay: float) -> Finding:
-    found, gain = dead_time(smoother, motions, window, prior)
+def _dead_time(smoother: Smoother, motions: list[Motion], form: WeakForm, delay: float) -> Finding:
+    found, gain = dead_time(smoother, motions, form, _window(motions))
     if gain < CLEAR or abs(found) < 0.25 * motions[0].segment.step:
         return Finding(
             "dead time", f"none that the log tells clearly ({1e3 * (found + delay):.0f} ms explain {100 * gain:.1f} %)"

@@ -40,6 +40,7 @@ class Smoother:
     effort: Effort
     channels: tuple[Channel, ...]
     noise: Floats  # (channels,), of a sample
+    periods: Floats  # (channels,), samples for which a channel keeps its value
     half: int  # of the kernel, in samples
 
     def __post_init__(self) -> None:
@@ -70,7 +71,7 @@ class Smoother:
     def motion(self, segment: Segment) -> Motion:
         """q, v and u of a segment."""
         dt, h = segment.step, self.half
-        level, slope = (savgol_coeffs(2 * h + 1, 2, deriv=d, delta=dt, use="dot") for d in (0, 1))
+        level, slope = self._kernels(segment)
         count = len(segment)
         inside = slice(h, count - h)
         u, x = self.smoothed(segment), np.zeros((count, self.effort.n + self.effort.n_v))
@@ -95,8 +96,20 @@ class Smoother:
             x[inside, self.effort.n :] = self._velocity(x[inside, : self.effort.n], z[inside], weights)
         return Motion(segment, x, u, z, ok)
 
+    def spread(self, segment: Segment, x: Floats) -> Floats:
+        """The standard deviation that noise gives v at states x (T, 2n-m), root mean square over these, (n-m,)."""
+        rows = self.rows(x[:, : self.effort.n]) * self._weights(*self._kernels(segment))[:, None]
+        covariance = np.linalg.inv(np.einsum("tki,tkj->tij", rows, rows))
+        return np.asarray(np.sqrt(np.mean(np.einsum("tii->ti", covariance), axis=0)))
+
+    def _kernels(self, segment: Segment) -> tuple[Floats, Floats]:
+        """That smooth, and that differentiate."""
+        size = 2 * self.half + 1
+        level, slope = (savgol_coeffs(size, 2, deriv=d, delta=segment.step, use="dot") for d in (0, 1))
+        return level, slope
+
     def smoothed(self, segment: Segment) -> Floats:
-        """The voltages (T, n_u) through the same kernel; at a sample they are between the held ones before and after."""
+        """The voltages (T, n_u) through the same kernel; at a sample they are between those held before and after."""
         held = segment.u.copy()
         held[1:] = 0.5 * (segment.u[1:] + segment.u[:-1])
         u, kernel = np.zeros_like(held), savgol_coeffs(2 * self.half + 1, 2, use="dot")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs
 
 from wmr_afl.identification.log import Log
@@ -27,17 +28,27 @@ def quantum(column: Floats) -> float:
     return step if len(near) >= 10 and is_whole.mean() > _MOST else 0.0
 
 
-def standard_deviations(log: Log) -> Floats:
-    """Of each channel's samples, (channels,): quantum/sqrt 12, or what smoothing takes away if there are no steps."""
+def standard_deviations(log: Log, periods: Floats) -> Floats:
+    """Of each channel's samples, (channels,): quantum/sqrt 12, or what smoothing takes away if there are no steps.
+
+    `periods` is how many samples each keeps its value.
+    """
     found = []
     for k in range(len(log.channels)):
         columns = [segment.z[:, k] for segment in log.segments]
+        if periods[k] > 1.0:
+            columns = [column[is_new(column)] for column in columns]
         steps = [step for step in map(quantum, columns) if step > 0.0]
-        if steps:
+        if 2 * len(steps) > len(columns):
             found.append(min(steps) / np.sqrt(12.0))
             continue
         found.append(_scatter(columns))
     return np.array(found)
+
+
+def is_new(column: Floats) -> NDArray[np.bool_]:
+    """Where a sample differs from the one before, (T,)."""
+    return np.concatenate([[True], np.diff(column) != 0.0])
 
 
 def _scatter(columns: list[Floats]) -> float:
@@ -45,5 +56,5 @@ def _scatter(columns: list[Floats]) -> float:
     kernel = -savgol_coeffs(7, 2, use="dot")
     kernel[3] += 1.0
     left = np.concatenate([np.zeros(1), *(np.correlate(one, kernel, "valid") for one in columns if len(one) >= 7)])
-    spread = 1.4826 * float(np.median(np.abs(left))) / float(np.linalg.norm(kernel))
+    spread = 1.2533 * float(np.mean(np.abs(left))) / float(np.linalg.norm(kernel))  # a median would be that of rest
     return max(spread, 1e-7 * max(float(np.ptp(column)) for column in columns), 1e-12)

@@ -10,13 +10,15 @@ model explains the log down to its noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wmr_afl.errors import SimulationError
 from wmr_afl.identification.estimate import Estimate, Prior, sandwich
 from wmr_afl.identification.motion import Motion, Smoother
+from wmr_afl.identification.noise import is_new
 from wmr_afl.identification.simulated import Simulated, told
 from wmr_afl.numerics.arrays import Floats
 
@@ -24,9 +26,13 @@ WINDOW = 1.0  # [s]
 FRICTION_WIDTH = 0.03  # [rad/s], where the search for the width begins
 WIDTH_SPREAD = 1.5  # of its logarithm
 NARROWEST, WIDEST = 1e-3, 1.0  # [rad/s]
+LOOSE = 0.2  # of a velocity's root mean square, by which that of a window's start may be off
 OUTLIER = 3.0  # medians, beyond which a window counts less
 ROUNDS = 12
-_DONE = 1e-4  # of the cost, by which a round has to lessen it
+TRIES = 5  # of a step, with more and more damping
+SEARCHES = 3  # with other weights of the channels, at most
+ALIKE = 1.5  # times what it is taken for, that is left of a channel
+_DONE = 3e-4  # of the cost, by which a round has to lessen it
 _DIFFERENCE = 1e-4  # of a number, for its sensitivity
 _ROWS = 4096  # motions that are simulated at a time
 
@@ -38,6 +44,7 @@ class Windows:
     x0: Floats  # (W, 2n-m), the state with which each begins
     u: Floats  # (W, K, n_u) [V], held
     z: Floats  # (W, K+1, channels), from their first sample
+    is_new: NDArray[np.bool_]  # (W, K+1, channels), not a value that is repeated
     weight: Floats  # (W,), so that all segments count alike
     step: float  # [s]
 
@@ -45,7 +52,14 @@ class Windows:
         return len(self.x0)
 
     def part(self, chosen: slice) -> Windows:
-        return Windows(self.x0[chosen], self.u[chosen], self.z[chosen], self.weight[chosen], self.step)
+        return replace(
+            self,
+            x0=self.x0[chosen],
+            u=self.u[chosen],
+            z=self.z[chosen],
+            is_new=self.is_new[chosen],
+            weight=self.weight[chosen],
+        )
 
 
 def delayed(u: Floats, delay: float, step: float) -> Floats:
@@ -59,8 +73,11 @@ def delayed(u: Floats, delay: float, step: float) -> Floats:
     return np.asarray((1.0 - part) * shifted(whole) + part * shifted(whole + 1))
 
 
-def windows_of(motions: Sequence[Motion], seconds: float, delay: float = 0.0) -> list[Windows]:
-    """Windows of all segments, those of one sample time together; half overlapping where a segment holds few."""
+def windows_of(motions: Sequence[Motion], seconds: float, periods: Floats) -> list[Windows]:
+    """Windows of all segments, those of one sample time together; half overlapping where a segment holds few.
+
+    `periods` is how many samples each channel keeps its value.
+    """
     found: dict[float, list[Windows]] = {}
     for motion in motions:
         step = motion.segment.step
@@ -70,12 +87,16 @@ def windows_of(motions: Sequence[Motion], seconds: float, delay: float = 0.0) ->
             continue
         stride = count if len(good) > 10 * count else max(1, count // 2)
         starts = np.arange(good[0], good[-1] - count + 1, stride)
-        u = delayed(motion.segment.u, delay, step)
-        z = np.stack([motion.segment.z[start : start + count + 1] for start in starts])
+        rows = starts[:, None] + np.arange(count + 1)
+        z = motion.segment.z[rows]
+        new = np.column_stack(
+            [is_new(column) | (period == 1.0) for column, period in zip(motion.segment.z.T, periods, strict=True)]
+        )
         own = Windows(
             motion.x[starts],
-            np.stack([u[start : start + count] for start in starts]),
+            motion.segment.u[rows[:, :-1]],
             z - z[:, :1],
+            new[rows],
             np.full(len(starts), len(starts) ** -0.5),
             step,
         )
@@ -87,11 +108,19 @@ def windows_of(motions: Sequence[Motion], seconds: float, delay: float = 0.0) ->
             x0=np.concatenate([own.x0 for own in group]),
             u=np.concatenate([own.u for own in group]),
             z=np.concatenate([own.z for own in group]),
+            is_new=np.concatenate([own.is_new for own in group]),
             weight=share * np.concatenate([own.weight for own in group]),
             step=group[0].step,
         )
         for group in found.values()
     ]
+
+
+@dataclass(frozen=True)
+class SimulatedEstimate(Estimate):
+    """With what only output error tells."""
+
+    left: Floats = field(default_factory=lambda: np.empty(0))  # (channels,), root mean square in their units
 
 
 @dataclass(frozen=True)
@@ -101,6 +130,7 @@ class _Linearized:
     gram: Floats  # (W, n+1, n+1), products of the scaled sensitivities and of what is left
     start: Floats  # (W, n-m), by which v0 moves if nothing else does
     start_slope: Floats  # (W, n-m, n), and less for a step of each unknown
+    channels: Floats  # (W, channels), what is left of each channel's squares
 
     @property
     def squares(self) -> Floats:
@@ -120,17 +150,44 @@ class OutputError:
         self.channels, self.noise = [smoother.channels[k] for k in self.used], smoother.noise[self.used]
         self.has_width = bool(self.effort.friction_groups)
         width = [np.log(FRICTION_WIDTH)] if self.has_width else []
-        self.mean = np.concatenate([prior.mean, width])
+        self.prior, self.mean = prior, np.concatenate([prior.mean[prior.is_free], width])
         self.precision = np.concatenate([prior.precision, [WIDTH_SPREAD**-2.0] * len(width)])
         self.weight = np.concatenate([windows.weight for windows in self.windows]) ** 2
-        self.samples = sum(windows.z[:, 1:, 0].size for windows in self.windows) * len(self.channels)
+        v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
+        self.start_spread = LOOSE * np.sqrt(np.mean(v0**2, axis=0)) + 1e-9
+        self.samples = sum(int(windows.is_new[:, 1:, self.used].sum()) for windows in self.windows)
 
-    def fit(self, start: Floats, rounds: int = ROUNDS) -> Estimate:
+    def fit(self, start: Floats, rounds: int = ROUNDS) -> SimulatedEstimate:
         """The search from a first estimate (unknown,), by Levenberg and Marquardt.
+
+        Channels that the model explains less well than their noise count as much as what it leaves of them. The
+        description counts less the more the model leaves: what is left is alike along a window, then.
 
         Raises:
             SimulationError: if the robot of the first estimate cannot be simulated.
         """
+        self.error = self.noise
+        found = self._search(start, rounds)
+        for _ in range(SEARCHES):
+            if np.all(found.left < ALIKE * self.error):
+                break
+            self.error = np.maximum(self.noise, found.left)
+            found = self._search(found.unknown, rounds)
+        return found
+
+    def misfit(self, estimate: Estimate) -> float:
+        """What an estimate leaves of these windows, over the noise; first velocities and offsets at their best."""
+        self.error = self.noise
+        width = [np.log(estimate.width)] if self.has_width else []
+        unknown = np.concatenate([estimate.unknown[self.prior.is_free], width])
+        v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
+        for _ in range(2):
+            now = self._linearized(unknown, None, v0)
+            v0 = v0 + now.start
+        return float(np.sqrt(now.cost(self.weight) / self.samples))
+
+    def _search(self, start: Floats, rounds: int) -> SimulatedEstimate:
+        start = start[self.prior.is_free]
         unknown = np.concatenate([start, self.mean[len(start) :]])
         scale = np.where(start != 0.0, np.abs(start), 1e-3 * np.abs(start).max())
         scale = np.concatenate([scale, [1.0]]) if self.has_width else scale
@@ -140,40 +197,44 @@ class OutputError:
             raise SimulationError("the first estimate is no robot that can be simulated", "give a longer, livelier log")
         damping = 1e-3
         for _ in range(rounds):
-            weight = self._weight(now)
-            cost = now.cost(weight) + self._surprise(unknown)
-            normal, gradient = self._normal(now, weight, unknown, scale)
-            for _ in range(8):
+            weight, precision = self._weight(now), self._precision(now)
+            cost = now.cost(weight) + self._surprise(unknown, precision)
+            normal, gradient = self._normal(now, weight, scale**2 * precision)
+            gradient = gradient - scale * precision * (unknown - self.mean)
+            for _ in range(TRIES):
                 step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
                 other = self._limited(unknown, scale * step)
                 moved = v0 + now.start - now.start_slope @ ((other - unknown) / scale)
-                tried = self._linearized(other, scale, moved)
-                if tried.cost(weight) + self._surprise(other) < cost:
+                tried = self._linearized(other, None, moved).cost(weight) + self._surprise(other, precision)
+                if tried < cost:
                     break
-                damping *= 6.0
+                damping *= 10.0
             else:
                 break
-            is_done = cost - tried.cost(weight) - self._surprise(other) < _DONE * cost
-            unknown, v0, now, damping = other, moved, tried, damping / 5.0
-            if is_done:
+            unknown, v0, now, damping = other, moved, self._linearized(other, scale, moved), damping / 10.0
+            if cost - tried < _DONE * cost:
                 break
         return self._found(unknown, scale, now)
 
-    def _surprise(self, unknown: Floats) -> float:
+    def _precision(self, now: _Linearized) -> Floats:
+        """Of the prior, in units of what is left: of noise each sample counts, of the model's own errors a window."""
+        own, samples = 1.0 - np.mean((self.noise / self.error) ** 2), self.samples / len(self.weight)
+        return np.asarray(self.precision * max(1.0, now.cost(self.weight) / self.samples) * (1.0 + own * samples))
+
+    def _surprise(self, unknown: Floats, precision: Floats) -> float:
         """What the prior adds to the cost."""
-        return float(self.precision @ (unknown - self.mean) ** 2)
+        return float(precision @ (unknown - self.mean) ** 2)
 
     def _weight(self, now: _Linearized) -> Floats:
         """Of each window's squares, (W,): segments count alike, windows that are far off less."""
         rms = np.sqrt(now.squares)
         return np.asarray(self.weight * np.minimum(1.0, OUTLIER * np.median(rms) / np.maximum(rms, 1e-300)) ** 2)
 
-    def _normal(self, now: _Linearized, weight: Floats, unknown: Floats, scale: Floats) -> tuple[Floats, Floats]:
-        """Matrix and right side of the step of the unknown numbers, in units of `scale`."""
+    def _normal(self, now: _Linearized, weight: Floats, precision: Floats) -> tuple[Floats, Floats]:
+        """Matrix and right side of the step of the unknown numbers, in units of their scale."""
         gram = np.einsum("w,wij->ij", weight, now.gram)
-        normal = gram[:-1, :-1] + np.diag(scale**2 * self.precision)
-        normal += 1e-14 * np.trace(normal) * np.eye(len(normal))
-        return normal, gram[:-1, -1] - scale * self.precision * (unknown - self.mean)
+        normal = gram[:-1, :-1] + np.diag(precision)
+        return normal + 1e-14 * np.trace(normal) * np.eye(len(normal)), gram[:-1, -1]
 
     def _limited(self, unknown: Floats, step: Floats) -> Floats:
         """The next point: no number changes by more than half, the width by no more than a factor and within bounds."""
@@ -185,25 +246,28 @@ class OutputError:
             other[-1] = np.clip(other[-1], np.log(NARROWEST), np.log(WIDEST))
         return np.asarray(other)
 
-    def _found(self, unknown: Floats, scale: Floats, now: _Linearized) -> Estimate:
-        weight, count = self._weight(now), len(self.effort.units)
+    def _found(self, unknown: Floats, scale: Floats, now: _Linearized) -> SimulatedEstimate:
+        weight, count = self._weight(now), int(self.prior.is_free.sum())
         gram = np.einsum("w,wij->ij", weight, now.gram)[:-1, :-1]
         slopes = weight[:, None] * now.gram[:, :-1, -1]
-        covariance = sandwich(gram, slopes, scale**2 * self.precision) * np.outer(scale, scale)
+        covariance = sandwich(gram, slopes, scale**2 * self._precision(now)) * np.outer(scale, scale)
         sizes = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         values = np.linalg.eigvalsh((gram / np.outer(sizes, sizes))[:count, :count])
-        return Estimate(
+        left = self.error * np.sqrt(self.weight @ now.channels / self.samples * len(self.channels))
+        return SimulatedEstimate(
             "output error",
-            unknown=unknown[:count],
-            covariance=covariance[:count, :count],
+            unknown=self.prior.whole(unknown[:count]),
+            covariance=self.prior.spread_out(covariance[:count, :count]),
             width=float(np.exp(unknown[-1])) if self.has_width else FRICTION_WIDTH,
-            cost=float(np.sqrt(now.cost(self.weight) / self.samples)),
+            cost=float(np.sqrt(np.mean((left / self.noise) ** 2))),
             condition=float(np.sqrt(values[-1] / max(values[0], 1e-300))),
+            left=left,
         )
 
-    def _linearized(self, unknown: Floats, scale: Floats, v0: Floats) -> _Linearized:
+    def _linearized(self, unknown: Floats, scale: Floats | None, v0: Floats) -> _Linearized:
+        """At these numbers and first velocities; without a scale only what is left, v0 and offsets at their best."""
         parts, first = [], 0
-        variants = 1 + len(unknown) + self.effort.n_v
+        variants = 1 + (0 if scale is None else len(unknown)) + self.effort.n_v
         for windows in self.windows:
             at_a_time = max(1, _ROWS // variants)
             for start in range(0, len(windows), at_a_time):
@@ -213,42 +277,53 @@ class OutputError:
         return _Linearized(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
     def _eliminated(
-        self, windows: Windows, unknown: Floats, scale: Floats, v0: Floats
-    ) -> tuple[Floats, Floats, Floats]:
+        self, windows: Windows, unknown: Floats, scale: Floats | None, v0: Floats
+    ) -> tuple[Floats, Floats, Floats, Floats]:
         """What `_Linearized` holds, of some windows: sensitivities by differences, all motions at once."""
-        count, n_v, n = len(windows), self.effort.n_v, len(unknown)
-        steps = np.concatenate([_DIFFERENCE * scale, _DIFFERENCE * (np.sqrt(np.mean(v0**2, axis=0)) + 1e-6)])
-        changes = np.zeros((1 + n + n_v, n + n_v))
-        changes[1:] = np.diag(steps)
-        numbers = np.repeat(unknown + changes[:, :n], count, axis=0)
+        scale = np.empty(0) if scale is None else scale
+        count, n_v, n = len(windows), self.effort.n_v, len(scale)
+        steps = _DIFFERENCE * np.concatenate([scale, self.start_spread])
+        changes = np.vstack([np.zeros((1, n + n_v)), np.diag(steps)])
+        numbers = np.repeat(np.broadcast_to(unknown, (1 + n + n_v, len(unknown))), count, axis=0)
+        numbers[:, :n] += np.repeat(changes[:, :n], count, axis=0)
         velocities = (v0 + changes[:, None, n:]).reshape(-1, n_v)
         x0 = np.tile(windows.x0, (1 + n + n_v, 1))
         x0[:, self.effort.n :] = velocities
         u = np.broadcast_to(windows.u, (1 + n + n_v, *windows.u.shape)).reshape(-1, *windows.u.shape[1:])
         with np.errstate(all="ignore"):
-            seen = self._simulated(numbers, x0, u, windows.step) / self.noise
+            seen = self._simulated(numbers, x0, u, windows.step) / self.error
         seen = seen.reshape(1 + n + n_v, count, -1)
-        left = (windows.z[:, :, self.used] / self.noise).reshape(count, -1) - seen[0]
+        left = (windows.z[:, :, self.used] / self.error).reshape(count, -1) - seen[0]
         slopes = np.moveaxis((seen[1:] - seen[0]) / steps[:, None, None], 0, -1)
         slopes[..., :n] *= scale
-        offsets = np.broadcast_to(np.tile(np.eye(len(self.channels)), (windows.z.shape[1], 1)),
-                                  (count, left.shape[1], len(self.channels)))  # fmt: skip
-        local = np.concatenate([slopes[..., n:], offsets], axis=-1)
+        offsets = np.broadcast_to(
+            np.tile(np.eye(len(self.channels)), (windows.z.shape[1], 1)), (count, left.shape[1], len(self.channels))
+        )
+        is_new = windows.is_new[:, :, self.used].reshape(count, -1)
+        local = np.concatenate([slopes[..., n:], offsets], axis=-1) * is_new[..., None]
+        left, slopes = left * is_new, slopes * is_new[..., None]
+        loose = np.zeros((count, n_v, local.shape[-1]))  # rows that hold v0 loosely: at rest friction hides it
+        loose[:, :, :n_v] = np.diag(1.0 / self.start_spread)
+        local = np.concatenate([local, loose], axis=1)
+        left = np.concatenate([left, (windows.x0[:, self.effort.n :] - v0) / self.start_spread], axis=1)
+        slopes = np.concatenate([slopes, np.zeros((count, n_v, slopes.shape[-1]))], axis=1)
         if not (np.all(np.isfinite(local)) and np.all(np.isfinite(left))):
             nothing = np.full((count, n + 1, n + 1), np.inf)
-            return nothing, np.zeros((count, n_v)), np.zeros((count, n_v, n))
+            return nothing, np.zeros((count, n_v)), np.zeros((count, n_v, n)), np.zeros((count, len(self.channels)))
         sizes = np.abs(local).max(axis=1, keepdims=True) + 1e-300
         q, r = np.linalg.qr(local / sizes)
         whole = np.concatenate([slopes[..., :n], left[..., None]], axis=-1)
         along = np.einsum("wki,wkj->wij", q, whole)
         rest = whole - np.einsum("wki,wij->wkj", q, along)
         moves = np.linalg.solve(r + 1e-14 * np.eye(r.shape[-1]), along)[:, :n_v] / np.moveaxis(sizes, 1, 2)[:, :n_v]
-        return np.einsum("wki,wkj->wij", rest, rest), moves[..., -1], moves[..., :-1]
+        squares = np.sum(rest[:, :-n_v, -1].reshape(count, -1, len(self.channels)) ** 2, axis=1)
+        return np.einsum("wki,wkj->wij", rest, rest), moves[..., -1], moves[..., :-1], squares
 
     def _simulated(self, numbers: Floats, x0: Floats, u: Floats, step: float) -> Floats:
         """The used channels (N, K+1, .) of motions from x0 (N, 2n-m) under u (N, K, n_u), less where they begin."""
         width = np.exp(numbers[:, -1]) if self.has_width else np.full(len(x0), FRICTION_WIDTH)
-        states = Simulated(self.effort, step).states(numbers[:, : len(self.effort.units)], width, x0, u)
+        unknown = self.prior.whole(numbers[:, : int(self.prior.is_free.sum())])
+        states = Simulated(self.effort, step).states(unknown, width, x0, u)
         every = told(self.effort, self.channels, states.transpose(1, 0, 2).reshape(states.shape[1], -1))
         every = every.reshape(len(states), len(x0), -1).transpose(1, 0, 2)
         return np.asarray(every - every[:, :1])

@@ -8,7 +8,6 @@ torque gains times one factor) stays as the description has it.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,34 +39,10 @@ class Physical:
         return self.chi2 > CONTRADICTION
 
 
-def geometry(effort: Effort) -> list[str]:
-    """Parameters that are taken as known: those on which S, X and R depend, and the known constants."""
-    random, names = np.random.default_rng(0), list(effort.model.parameter_units)
-    q = random.normal(size=(6, effort.n))
-
-    def at(p: Floats) -> Floats:
-        model = effort.model
-        parts = (model.kinematic_matrix(q, p), model.actuator_rates_matrix(q, p))
-        return np.concatenate([np.asarray(part).ravel() for part in parts])
-
-    base = np.where(effort.p != 0.0, effort.p, 0.1)
-    found = []
-    for k, name in enumerate(names):
-        other = base.copy()
-        other[k] *= 1.01
-        if name in effort.model.known_units or not np.allclose(at(other), at(base), rtol=1e-12, atol=1e-12):
-            found.append(name)
-    return found
-
-
-def physical(effort: Effort, estimate: Estimate, given: Collection[str] = ()) -> Physical:
-    """The physical parameters of an estimate; those that were `given` by name stay."""
-    names, units = list(effort.model.parameter_units), effort.model.parameter_units
-    fixed = {*geometry(effort), *given}
-    lengths = [abs(effort.p[k]) for k, name in enumerate(names) if units[name] == "m"]
-    additive = np.array([units[name] == "m" for name in names])
-    size = np.maximum(LENGTH * np.abs(effort.p), 0.1 * max(lengths, default=0.0))
-    sought = [k for k, name in enumerate(names) if name not in fixed and (additive[k] or effort.p[k] != 0.0)]
+def physical(effort: Effort, estimate: Estimate) -> Physical:
+    """The physical parameters of an estimate."""
+    names, additive, sought = list(effort.model.parameter_units), np.array(effort.is_length), list(effort.sought)
+    size = np.maximum(LENGTH * np.abs(effort.p), 0.1 * np.abs(effort.p[additive]).max(initial=0.0))
     wanted = estimate.unknown[: len(effort.base(effort.p))]
     covariance = estimate.covariance[: len(wanted), : len(wanted)] + np.diag((MODEL * np.abs(wanted)) ** 2 + 1e-300)
     deviations = np.sqrt(np.diag(covariance))

@@ -24,6 +24,7 @@ SHORT = 0.15  # [s], the same where segments last two seconds or less
 FRICTION_WIDTH = 0.1  # [rad/s], over which friction changes its sign here; rates are too coarse for less
 STANDS = 0.1  # of a window, during which a motor may stand under voltage
 UNDER_VOLTAGE = 0.02  # of the largest voltage
+COMMON = 8.0  # windows that a sample lies in: so many rows are worth one
 OVERLAP = 16  # windows in a row that are no independent witnesses: two lengths of one
 _CHUNK = 20_000  # samples that are worked on at a time
 
@@ -43,8 +44,8 @@ def bump(half: int) -> tuple[Floats, Floats]:
     return (1.0 - s**2) ** 3, -6.0 * s * (1.0 - s**2) ** 2 / (half + 1)
 
 
-def rows_of(effort: Effort, motion: Motion, window: float) -> Rows:
-    """The windows of a segment, a quarter of a half window apart."""
+def rows_of(effort: Effort, motion: Motion, window: float, shown: Sequence[int]) -> Rows:
+    """The windows of a segment, a quarter of a half window apart; rows of the pseudo-velocities that are `shown`."""
     dt = motion.segment.step
     half = max(4, round(window / dt))
     stride = max(1, half // 4)
@@ -65,9 +66,9 @@ def rows_of(effort: Effort, motion: Motion, window: float) -> Rows:
             if psi @ still[part] > STANDS * weight:
                 continue
             row = np.einsum("t,tup->up", psi, a[part]) - np.einsum("t,tup->up", slope / dt, b[part])
-            matrices.append(row / weight)
-            rights.append(psi @ right[part] / weight)
-            kinds.append(np.arange(effort.n_v))
+            matrices.append(row[list(shown)] / weight)
+            rights.append(psi @ right[part][:, list(shown)] / weight)
+            kinds.append(np.arange(len(shown)))
     if not matrices:
         return empty
     return Rows(np.concatenate(matrices), np.concatenate(rights), np.concatenate(kinds))
@@ -90,57 +91,73 @@ class WeakEstimate(Estimate):
     left: float = np.nan  # of the voltages, what is unexplained
 
 
-def weak_form(effort: Effort, motions: Sequence[Motion], window: float, prior: Prior) -> WeakEstimate:
-    """The unknown numbers, every segment counting alike.
+@dataclass(frozen=True)
+class WeakForm:
+    """How the weak form is used on a log."""
 
-    Raises:
-        WmrError: if no window is left.
-    """
-    found = [rows for rows in (rows_of(effort, motion, window) for motion in motions) if len(rows.right)]
-    if not found:
-        problem = f"no {2 * window:g} s of the log are free of standstill under voltage"
-        raise WmrError(problem, "log a motion that lasts, with voltages well above friction")
-    total = sum(len(rows.right) for rows in found)
-    shares = np.concatenate([np.full(len(rows.right), np.sqrt(total / len(rows.right) / len(found))) for rows in found])
-    matrix, right, kind = (
-        np.concatenate([getattr(one, name) for one in found]) for name in ("matrix", "right", "kind")
-    )
-    scale = np.array([np.sqrt(np.mean(right[kind == i] ** 2)) for i in range(effort.n_v)])
-    size = np.maximum(scale, 1e-9 * scale.max())[kind]
-    share = np.sqrt(np.mean((matrix / size[:, None]) ** 2, axis=0))
-    unknown = prior.mean
-    for _ in range(3):  # rows of a pseudo-velocity by what is left in them
+    effort: Effort
+    prior: Prior
+    window: float  # [s], half of a test function
+    shown: tuple[int, ...]  # pseudo-velocities that the log shows: rows of the others hold noise only
+
+    def estimate(self, motions: Sequence[Motion]) -> WeakEstimate:
+        """The unknown numbers, every segment counting alike.
+
+        Raises:
+            WmrError: if no window is left.
+        """
+        found = [
+            rows
+            for rows in (rows_of(self.effort, motion, self.window, self.shown) for motion in motions)
+            if len(rows.right)
+        ]
+        if not found:
+            problem = f"no {2 * self.window:g} s of the log are free of standstill under voltage"
+            raise WmrError(problem, "log a motion that lasts, with voltages well above friction")
+        total = sum(len(rows.right) for rows in found)
+        shares = np.concatenate(
+            [np.full(len(rows.right), np.sqrt(total / len(rows.right) / len(found))) for rows in found]
+        )
+        matrix, right, kind = (
+            np.concatenate([getattr(one, name) for one in found]) for name in ("matrix", "right", "kind")
+        )
+        voltage, free = right, self.prior.is_free
+        right = voltage - matrix[:, ~free] @ self.prior.mean[~free]
+        scale = np.array([np.sqrt(np.mean(voltage[kind == i] ** 2)) for i in range(len(self.shown))])
+        size = np.maximum(scale, 1e-9 * scale.max())[kind]
+        share = np.sqrt(np.mean((matrix / size[:, None]) ** 2, axis=0))
+        matrix, unknown, precision = matrix[:, free], self.prior.mean[free], COMMON * self.prior.precision
+        for _ in range(3):  # rows of a pseudo-velocity by what is left in them
+            weights = shares / np.maximum(scale, 1e-9 * scale.max())[kind]
+            rows, wanted = matrix * weights[:, None], right * weights
+            unknown = solved(rows, wanted, self.prior.mean[free], precision)
+            left = right - matrix @ unknown
+            scale = np.array([np.sqrt(np.mean(left[kind == i] ** 2)) for i in range(len(self.shown))])
         weights = shares / np.maximum(scale, 1e-9 * scale.max())[kind]
-        rows, wanted = matrix * weights[:, None], right * weights
-        unknown = solved(rows, wanted, prior)
-        left = right - matrix @ unknown
-        scale = np.array([np.sqrt(np.mean(left[kind == i] ** 2)) for i in range(effort.n_v)])
-    weights = shares / np.maximum(scale, 1e-9 * scale.max())[kind]
-    rows = matrix * weights[:, None]
-    scores = rows * (left * weights)[:, None]
-    block = effort.n_v * OVERLAP
-    ends = np.arange(0, len(scores), block)
-    normal = rows.T @ rows
-    covariance = sandwich(normal, np.add.reduceat(scores, ends, axis=0), prior.precision)
-    sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    values = np.linalg.eigvalsh(normal / np.outer(sizes, sizes))
-    condition = float(np.sqrt(values[-1] / max(values[0], 1e-300)))
-    return WeakEstimate(
-        "weak form",
-        unknown,
-        covariance,
-        FRICTION_WIDTH,
-        condition=condition,
-        share=share * np.abs(unknown),
-        left=float(np.sqrt(np.mean((shares * left / size) ** 2))),
-    )
+        rows = matrix * weights[:, None]
+        scores = rows * (left * weights)[:, None]
+        block = len(self.shown) * OVERLAP
+        ends = np.arange(0, len(scores), block)
+        normal = rows.T @ rows
+        covariance = sandwich(normal, np.add.reduceat(scores, ends, axis=0), precision)
+        sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        values = np.linalg.eigvalsh(normal / np.outer(sizes, sizes))
+        condition = float(np.sqrt(values[-1] / max(values[0], 1e-300)))
+        return WeakEstimate(
+            "weak form",
+            self.prior.whole(unknown),
+            self.prior.spread_out(covariance),
+            FRICTION_WIDTH,
+            condition=condition,
+            share=share * np.abs(self.prior.whole(unknown)),
+            left=float(np.sqrt(np.mean((shares * left / size) ** 2))),
+        )
 
 
-def solved(matrix: Floats, right: Floats, prior: Prior) -> Floats:
+def solved(matrix: Floats, right: Floats, mean: Floats, precision: Floats) -> Floats:
     """Least squares with columns of unit size; what no row sees is as the prior has it."""
-    known = np.isfinite(prior.spread)
-    matrix = np.vstack([matrix, np.diag(prior.spread**-1.0)[known]])
-    right = np.concatenate([right, (prior.mean / prior.spread)[known]])
+    matrix = np.vstack([matrix, np.diag(np.sqrt(precision))])
+    right = np.concatenate([right, np.sqrt(precision) * mean])
     sizes = np.linalg.norm(matrix, axis=0)
     sizes = np.where(sizes > 0.0, sizes, 1.0)
     return np.asarray(np.linalg.lstsq(matrix / sizes, right, rcond=1e-12)[0] / sizes)

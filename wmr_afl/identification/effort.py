@@ -22,8 +22,10 @@ from numpy.typing import NDArray
 from wmr_afl.errors import MissingTermError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.complementarity import stopping_forces
 from wmr_afl.numerics.linear_algebra import solve
 
+FRICTION_WIDTH = 0.1  # [rad/s], over which friction changes its sign where rates are measured: they are coarse
 SLIGHT = 1e-2  # of the inertia of the description: with less there is no motion to speak of
 Coulomb = Literal["each", "grouped", "none"]
 
@@ -121,18 +123,18 @@ class Effort:
         """Everything in symbols of one sample."""
         model, c = self.model.in_library("casadi"), ca.DM(self.c)
         x, u = ca.SX.sym("x", self.n + self.n_v), ca.SX.sym("u", len(self.model.input_units))
-        width = ca.SX.sym("width")
         q, v = x[: self.n], x[self.n :]
-        r, rates = model.effort_map(q, c), model.actuator_rates_matrix(q, self.p) @ v
+        r, x_of_v = model.effort_map(q, c), ca.SX(model.actuator_rates_matrix(q, self.p))
+        rates = x_of_v @ v
         y0 = model.effort_regressor(x, ca.DM.zeros(self.n_v), c)
         y = [model.effort_regressor(x, ca.DM.eye(self.n_v)[:, i], c) - y0 for i in range(self.n_v)]
         ratios = [motor for group in self.ratio_groups.values() for motor in group]
         first = [j for j in range(u.numel()) if j not in ratios]
-        rubbing = r @ ca.diag(ca.tanh(rates / width))
+        rubbing = r @ ca.diag(ca.tanh(rates / FRICTION_WIDTH))
         return _Symbols(
             x=x,
             u=u,
-            width=width,
+            x_of_v=x_of_v,
             q_rate=model.kinematic_matrix(q, self.p) @ v,
             rates=rates,
             y0=y0,
@@ -146,7 +148,7 @@ class Effort:
 
     @cached_property
     def weak_terms(self) -> ca.Function:
-        """(x, u, width) -> what psi multiplies, what psi' multiplies (n-m, unknown each), R_1 u_1 and X v (I7)."""
+        """(x, u) -> what psi multiplies, what psi' multiplies (n-m, unknown each), R_1 u_1 and X v (I7)."""
         s = self._symbols
         q, v = s.x[: self.n], s.x[self.n :]
         held = [ca.reshape(ca.jtimes(ca.vec(one), q, s.q_rate), *one.shape) for one in s.y]  # dY_i/dt
@@ -154,40 +156,71 @@ class Effort:
         momentum = sum(one * v[i] for i, one in enumerate(s.y))
         others = ca.SX.zeros(self.n_v, len(self.units) - self.n_pi)
         a, b = ca.horzcat(rest, -s.others, s.friction), ca.horzcat(momentum, others)
-        return ca.Function("weak_terms", [s.x, s.u, s.width], [a, b, s.first, s.rates])
+        return ca.Function("weak_terms", [s.x, s.u], [a, b, s.first, s.rates])
 
     @cached_property
     def motion(self) -> ca.Function:
-        """(x, u, unknown, width) -> q', v' (I4) and the motors' rates X v."""
+        """(x, u, unknown, friction) -> q', v' (I4) and the motors' rates X v; friction (n_u,) is in volts."""
         s, unknown = self._symbols, ca.SX.sym("unknown", len(self.units))
-        ratios = self.n_pi + len(self.ratio_groups)
-        pi, rho, kappa = unknown[: self.n_pi], unknown[self.n_pi : ratios], unknown[ratios:]
-        inertia = ca.horzcat(*(one @ pi for one in s.y))
-        push = s.first + s.others @ rho - s.y0 @ pi - s.friction @ kappa
-        v_rate = solve(inertia, push, self.model.in_library("casadi").arrays)
-        return ca.Function("motion", [s.x, s.u, unknown, s.width], [s.q_rate, v_rate, s.rates])
+        friction = ca.SX.sym("friction", len(self.model.input_units))
+        v_rate = self._acceleration(unknown, friction)
+        return ca.Function("motion", [s.x, s.u, unknown, friction], [s.q_rate, v_rate, s.rates])
 
-    def effort_of(self, x: Floats, a: Floats, unknown: Floats, width: float) -> Floats:
-        """R diag(rho) u (T, n-m) that brings about a: what the voltages have to do, friction included."""
-        terms = self.weak_terms.map(len(x))
-        zero = np.zeros((len(self.model.input_units), len(x)))
-        friction = blocks(terms(x.T, zero, width)[0], len(x))[..., -len(self.friction_groups) or len(self.units) :]
-        regressor = np.asarray(self.model.effort_regressor(x, a, self.c))
-        return np.asarray(regressor @ unknown[: self.n_pi] + friction @ unknown[len(unknown) - friction.shape[-1] :])
+    @cached_property
+    def holding(self) -> ca.Function:
+        """(x, u, unknown, step) -> friction (n_u,) of the first motor's volts, which stops what it can within a step.
+
+        The law of `Plant`: it opposes each motor's rate with all it has, or holds the motor at rest. A motor that
+        passes through rest within the step is opposed one way and then the other: on average by less. Without that
+        the error would be of the order of the step.
+        """
+        s, unknown, step = self._symbols, ca.SX.sym("unknown", len(self.units)), ca.SX.sym("step")
+        arrays, count = self.model.in_library("casadi").arrays, len(self.model.input_units)
+        most = ca.SX.zeros(count)
+        for k, group in enumerate(self.friction_groups.values()):
+            most[group] = ca.fabs(unknown[len(self.units) - len(self.friction_groups) + k])
+        q = s.x[: self.n]
+        free = s.rates + step * (s.x_of_v @ self._acceleration(unknown, ca.SX.zeros(count)))
+        inertia = self._inertia(unknown)
+        r = self.model.in_library("casadi").effort_map(q, ca.DM(self.c))
+        answers = [s.x_of_v @ solve(inertia, r[:, j], arrays) for j in range(count)]
+        effects = [[step * answers[j][i] for j in range(count)] for i in range(count)]
+        each = [most[j] for j in range(count)]
+        held = stopping_forces([free[j] for j in range(count)], effects, [-one for one in each], each, arrays)
+        for j in range(count):
+            others = sum((effects[j][i] * held[i] for i in range(count) if i != j), start=ca.SX(0))
+            way = ca.sign(s.rates[j])
+            slowing = way * (s.rates[j] - free[j] + others)  # of its rate within the step, without its own friction
+            own = effects[j][j] * each[j]
+            passes = ca.logic_and(slowing > own, ca.fabs(s.rates[j]) < slowing + own)
+            average = way * each[j] * (2.0 * ca.fabs(s.rates[j]) / (slowing + own) - 1.0)
+            held[j] = ca.if_else(passes, average, held[j])
+        return ca.Function("holding", [s.x, s.u, unknown, step], [ca.vertcat(*held)])
+
+    def _inertia(self, unknown: ca.SX) -> ca.SX:
+        return ca.horzcat(*(one @ unknown[: self.n_pi] for one in self._symbols.y))
+
+    def _acceleration(self, unknown: ca.SX, friction: ca.SX) -> ca.SX:
+        """M^-1 (R diag(rho) u - Y_0 pi - R friction)."""
+        s, ratios = self._symbols, self.n_pi + len(self.ratio_groups)
+        model = self.model.in_library("casadi")
+        resisted = model.effort_map(s.x[: self.n], ca.DM(self.c)) @ friction
+        push = s.first + s.others @ unknown[self.n_pi : ratios] - s.y0 @ unknown[: self.n_pi] - resisted
+        return solve(self._inertia(unknown), push, model.arrays)
 
     def can_be(self, unknown: Floats, other: Floats, x: Floats) -> bool:
         """Whether every motion has inertia, at states x (T, 2n-m), as a possible robot (`other`) has."""
         every = self.inertia.map(len(x))
-        own, possible = (blocks(every(x.T, one[: self.n_pi]), len(x)) for one in (unknown, other))
+        own, possible = (blocks(every(x.T, one), len(x)) for one in (unknown, other))
         with np.errstate(all="ignore"):
             ratios = np.linalg.eigvals(np.linalg.solve(possible, own)).real
         return bool(np.all(ratios > SLIGHT))
 
     @cached_property
     def inertia(self) -> ca.Function:
-        """(x, pi) -> M = [Y_1 pi ... Y_(n-m) pi] (I4)."""
-        s, pi = self._symbols, ca.SX.sym("pi", self.n_pi)
-        return ca.Function("inertia", [s.x, pi], [ca.horzcat(*(one @ pi for one in s.y))])
+        """(x, unknown) -> M = [Y_1 pi ... Y_(n-m) pi] (I4)."""
+        unknown = ca.SX.sym("unknown", len(self.units))
+        return ca.Function("inertia", [self._symbols.x, unknown], [self._inertia(unknown)])
 
     @cached_property
     def is_length(self) -> tuple[bool, ...]:
@@ -251,7 +284,7 @@ class _Symbols:
 
     x: ca.SX
     u: ca.SX
-    width: ca.SX  # [rad/s], over which friction changes its sign
+    x_of_v: ca.SX  # X (n_u, n-m)
     q_rate: ca.SX
     rates: ca.SX  # X v (n_u,)
     y0: ca.SX  # (n-m, n_pi)

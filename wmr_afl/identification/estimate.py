@@ -55,7 +55,6 @@ class Estimate:
     method: str
     unknown: Floats  # (unknown,)
     covariance: Floats  # (unknown, unknown), of noise
-    width: float  # [rad/s], over which friction changes its sign
     cost: float | None = None  # root mean square of what is left of the windows, in units of the noise
     condition: float | None = None  # of the scaled equations
 
@@ -70,7 +69,22 @@ class Estimate:
         return np.asarray(self.interval <= NOT_DETERMINED * np.abs(self.unknown))
 
 
-def sandwich(normal: Floats, clusters: Floats, prior: Floats) -> Floats:
-    """H^-1 (sum_w G_w G_w^T + 1/spread^2) H^-1 (I9): `clusters` are the G_w (W, n), `prior` is 1/spread^2 (n,)."""
-    inverse = np.linalg.pinv(normal + np.diag(prior), rcond=1e-15, hermitian=True)
-    return np.asarray(inverse @ (clusters.T @ clusters + np.diag(prior)) @ inverse)
+def jackknife(normals: Floats, slopes: Floats, prior: Floats) -> Floats:
+    """The covariance of an estimate from clusters of residuals that are not independent within a cluster.
+
+        cov = (W-1)/W sum_w d_w d_w^T + H^-1 diag(prior) H^-1,      d_w = (H - H_w)^-1 G_w            (I9)
+
+    d_w is by how much the estimate moves if cluster w is left out: H_w (W, n, n) are its products of sensitivities, G_w
+    (W, n) those with what is left, H is their sum with the `prior`, 1/spread^2 (n,).
+
+    Reference: MacKinnon, Nielsen, Webb, Cluster-robust inference, Journal of Econometrics 232, 2023.
+    """
+    sizes = np.sqrt(np.maximum(np.einsum("wii->i", normals) + prior, 1e-300))
+    scaled = normals / np.outer(sizes, sizes)
+    whole = scaled.sum(axis=0) + np.diag(prior / sizes**2)
+    without = whole - scaled + 1e-14 * np.eye(len(sizes))
+    moves = np.linalg.solve(without, (slopes / sizes)[..., None])[..., 0]
+    count = len(moves)
+    inverse = np.linalg.inv(whole + 1e-14 * np.eye(len(sizes)))
+    told = (count - 1) / count * moves.T @ moves + inverse @ np.diag(prior / sizes**2) @ inverse
+    return np.asarray(told / np.outer(sizes, sizes))

@@ -64,8 +64,7 @@ def foretold(effort: Effort, motion: Motion, estimate: Estimate, delay: float = 
     u = delayed(segment.u, delay, segment.step)
     held = np.stack([u[start : start + count] for start in starts])
     numbers = np.repeat(estimate.unknown[None], len(starts), axis=0)
-    widths = np.full(len(starts), estimate.width)
-    states = Simulated(effort, segment.step).states(numbers, widths, motion.x[starts], held)
+    states = Simulated(effort, segment.step).states(numbers, motion.x[starts], held)
     rows = (starts[:, None] + np.arange(count)).ravel()
     velocities = states[:-1, effort.n : effort.n + effort.n_v].transpose(2, 0, 1).reshape(-1, effort.n_v)
     return rows, velocities

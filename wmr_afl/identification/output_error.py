@@ -1,6 +1,6 @@
 """Base parameters by output error: windows are simulated from the voltages and compared with what was measured, raw.
 
-    min over unknown, width, {v0_w, o_w}  sum_w g_w sum_k | (z_wk - o_w - zhat_k(unknown, width, v0_w))/noise |^2  (I8)
+    min over unknown, {v0_w, o_w}   sum_w g_w sum_k | (z_wk - o_w - zhat_k(unknown, v0_w))/noise |^2   (I8)
 
 The first velocities v0_w and the offsets o_w of the channels belong to a window and are eliminated from every
 linearized step by a QR decomposition of their sensitivities. Nothing measured is differentiated. The cost is 1 if the
@@ -16,16 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.errors import SimulationError
-from wmr_afl.identification.estimate import Estimate, Prior, sandwich
+from wmr_afl.identification.estimate import Estimate, Prior, jackknife
 from wmr_afl.identification.motion import Motion, Smoother
 from wmr_afl.identification.noise import is_new
 from wmr_afl.identification.simulated import Simulated, told
 from wmr_afl.numerics.arrays import Floats
 
 WINDOW = 1.0  # [s]
-FRICTION_WIDTH = 0.03  # [rad/s], where the search for the width begins
-WIDTH_SPREAD = 1.5  # of its logarithm
-NARROWEST, WIDEST = 1e-3, 1.0  # [rad/s]
 LOOSE = 0.2  # of a velocity's root mean square, by which that of a window's start may be off
 OUTLIER = 3.0  # medians, beyond which a window counts less
 ROUNDS = 12
@@ -148,10 +145,7 @@ class OutputError:
         self.effort, self.windows = smoother.effort, list(windows)
         self.used = np.flatnonzero(smoother.used)
         self.channels, self.noise = [smoother.channels[k] for k in self.used], smoother.noise[self.used]
-        self.has_width = bool(self.effort.friction_groups)
-        width = [np.log(FRICTION_WIDTH)] if self.has_width else []
-        self.prior, self.mean = prior, np.concatenate([prior.mean[prior.is_free], width])
-        self.precision = np.concatenate([prior.precision, [WIDTH_SPREAD**-2.0] * len(width)])
+        self.prior, self.mean, self.precision = prior, prior.mean[prior.is_free], prior.precision
         self.weight = np.concatenate([windows.weight for windows in self.windows]) ** 2
         v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
         self.start_spread = LOOSE * np.sqrt(np.mean(v0**2, axis=0)) + 1e-9
@@ -178,8 +172,7 @@ class OutputError:
     def misfit(self, estimate: Estimate) -> float:
         """What an estimate leaves of these windows, over the noise; first velocities and offsets at their best."""
         self.error = self.noise
-        width = [np.log(estimate.width)] if self.has_width else []
-        unknown = np.concatenate([estimate.unknown[self.prior.is_free], width])
+        unknown = estimate.unknown[self.prior.is_free]
         v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
         for _ in range(2):
             now = self._linearized(unknown, None, v0)
@@ -187,10 +180,8 @@ class OutputError:
         return float(np.sqrt(now.cost(self.weight) / self.samples))
 
     def _search(self, start: Floats, rounds: int) -> SimulatedEstimate:
-        start = start[self.prior.is_free]
-        unknown = np.concatenate([start, self.mean[len(start) :]])
-        scale = np.where(start != 0.0, np.abs(start), 1e-3 * np.abs(start).max())
-        scale = np.concatenate([scale, [1.0]]) if self.has_width else scale
+        unknown = start[self.prior.is_free]
+        scale = np.where(unknown != 0.0, np.abs(unknown), 1e-3 * np.abs(unknown).max())
         v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
         now = self._linearized(unknown, scale, v0)
         if not np.isfinite(now.cost(self.weight)):
@@ -237,28 +228,23 @@ class OutputError:
         return normal + 1e-14 * np.trace(normal) * np.eye(len(normal)), gram[:-1, -1]
 
     def _limited(self, unknown: Floats, step: Floats) -> Floats:
-        """The next point: no number changes by more than half, the width by no more than a factor and within bounds."""
+        """The next point: no number changes by more than half."""
         most = 0.5 * np.abs(unknown) + 1e-3 * np.abs(unknown).max()
-        if self.has_width:
-            most[-1] = 1.0
-        other = unknown + step * min(1.0, float(np.min(most / np.maximum(np.abs(step), 1e-300))))
-        if self.has_width:
-            other[-1] = np.clip(other[-1], np.log(NARROWEST), np.log(WIDEST))
-        return np.asarray(other)
+        return np.asarray(unknown + step * min(1.0, float(np.min(most / np.maximum(np.abs(step), 1e-300)))))
 
     def _found(self, unknown: Floats, scale: Floats, now: _Linearized) -> SimulatedEstimate:
-        weight, count = self._weight(now), int(self.prior.is_free.sum())
+        weight = self._weight(now)
         gram = np.einsum("w,wij->ij", weight, now.gram)[:-1, :-1]
-        slopes = weight[:, None] * now.gram[:, :-1, -1]
-        covariance = sandwich(gram, slopes, scale**2 * self._precision(now)) * np.outer(scale, scale)
+        windows = weight[:, None, None] * now.gram
+        covariance = jackknife(windows[:, :-1, :-1], windows[:, :-1, -1], scale**2 * self._precision(now))
+        covariance = covariance * np.outer(scale, scale)
         sizes = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        values = np.linalg.eigvalsh((gram / np.outer(sizes, sizes))[:count, :count])
+        values = np.linalg.eigvalsh(gram / np.outer(sizes, sizes))
         left = self.error * np.sqrt(self.weight @ now.channels / self.samples * len(self.channels))
         return SimulatedEstimate(
             "output error",
-            unknown=self.prior.whole(unknown[:count]),
-            covariance=self.prior.spread_out(covariance[:count, :count]),
-            width=float(np.exp(unknown[-1])) if self.has_width else FRICTION_WIDTH,
+            unknown=self.prior.whole(unknown),
+            covariance=self.prior.spread_out(covariance),
             cost=float(np.sqrt(np.mean((left / self.noise) ** 2))),
             condition=float(np.sqrt(values[-1] / max(values[0], 1e-300))),
             left=left,
@@ -321,9 +307,7 @@ class OutputError:
 
     def _simulated(self, numbers: Floats, x0: Floats, u: Floats, step: float) -> Floats:
         """The used channels (N, K+1, .) of motions from x0 (N, 2n-m) under u (N, K, n_u), less where they begin."""
-        width = np.exp(numbers[:, -1]) if self.has_width else np.full(len(x0), FRICTION_WIDTH)
-        unknown = self.prior.whole(numbers[:, : int(self.prior.is_free.sum())])
-        states = Simulated(self.effort, step).states(unknown, width, x0, u)
+        states = Simulated(self.effort, step).states(self.prior.whole(numbers), x0, u)
         every = told(self.effort, self.channels, states.transpose(1, 0, 2).reshape(states.shape[1], -1))
         every = every.reshape(len(states), len(x0), -1).transpose(1, 0, 2)
         return np.asarray(every - every[:, :1])

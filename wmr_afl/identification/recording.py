@@ -22,7 +22,7 @@ from wmr_afl.onboard.sampled_plant import SampledPlant
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.simulate import simulate
 
-SUBSTEPS = 8  # of a sample, so that motors' angles are the integrals of their rates
+SUBSTEPS = 40  # of a sample: friction reverses in between, and angles of motors are integrals of their rates
 
 Commands = Callable[[float, Floats], Floats]  # (t, x) -> u (n_u,) [V]
 

@@ -15,7 +15,7 @@ from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.integrators import rk4
 from wmr_afl.simulation.kernels.c_compiler import compiler, library
 
-SUBSTEP = 0.005  # [s], of the Runge-Kutta steps at most
+SUBSTEP = 0.01  # [s], of the Runge-Kutta steps at most
 
 
 @dataclass(frozen=True)
@@ -25,40 +25,40 @@ class Simulated:
     effort: Effort
     step: float  # sample time [s]
 
-    def states(self, unknown: Floats, width: Floats, x0: Floats, u: Floats) -> Floats:
+    def states(self, unknown: Floats, x0: Floats, u: Floats) -> Floats:
         """States [q; v; motors' angles] (K+1, size, N) from x0 (N, 2n-m) under u (N, K, n_u) [V].
 
-        `unknown` is (N, unknown), `width` of friction (N,) [rad/s]; the angles begin at zero. What grows without bound
-        ends in NaN.
+        `unknown` is (N, unknown); the angles begin at zero. What grows without bound ends in NaN.
         """
         sample = self._sample.map(len(x0))
         state = np.concatenate([x0.T, np.zeros((u.shape[-1], len(x0)))])
         found = [state]
         for k in range(u.shape[1]):
-            state = np.asarray(sample(state, u[:, k].T, unknown.T, width[None]))
+            state = np.asarray(sample(state, u[:, k].T, unknown.T))
             found.append(state)
         return np.stack(found)
 
     @property
     def _sample(self) -> ca.Function:
-        """(state, u, unknown, width) -> the state one sample later."""
+        """(state, u, unknown) -> the state one sample later."""
         return _compiled(_sample(self.effort, self.step))
 
 
 def _sample(effort: Effort, step: float) -> ca.Function:
     size, inputs = effort.n + effort.n_v, len(effort.model.input_units)
     state, u = ca.SX.sym("state", size + inputs), ca.SX.sym("u", inputs)
-    unknown, width = ca.SX.sym("unknown", len(effort.units)), ca.SX.sym("width")
+    unknown = ca.SX.sym("unknown", len(effort.units))
     substeps = max(1, int(np.ceil(step / SUBSTEP - 1e-9)))
-
-    def rate(t: float, s: ca.SX) -> ca.SX:
-        q_rate, v_rate, motor_rates = effort.motion(s[:size], u, unknown, width)
-        return ca.SX(ca.vertcat(q_rate, v_rate, motor_rates))
-
-    now = state
+    h, now = step / substeps, state
     for _ in range(substeps):
-        now = rk4(rate, 0.0, now, step / substeps)
-    return ca.Function("sample", [state, u, unknown, width], [now])
+        friction = effort.holding(now[:size], u, unknown, h)
+
+        def rate(t: float, s: ca.SX, friction: ca.SX = friction) -> ca.SX:
+            q_rate, v_rate, motor_rates = effort.motion(s[:size], u, unknown, friction)
+            return ca.SX(ca.vertcat(q_rate, v_rate, motor_rates))
+
+        now = rk4(rate, 0.0, now, h)
+    return ca.Function("sample", [state, u, unknown], [ca.cse(now)])
 
 
 def _compiled(function: ca.Function) -> ca.Function:

@@ -14,14 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from wmr_afl.errors import WmrError
-from wmr_afl.identification.effort import Effort, blocks
-from wmr_afl.identification.estimate import Estimate, Prior, sandwich
+from wmr_afl.identification.effort import FRICTION_WIDTH, Effort, blocks
+from wmr_afl.identification.estimate import Estimate, Prior, jackknife
 from wmr_afl.identification.motion import Motion
 from wmr_afl.numerics.arrays import Floats
 
 WINDOW = 0.24  # [s], half of a test function
 SHORT = 0.15  # [s], the same where segments last two seconds or less
-FRICTION_WIDTH = 0.1  # [rad/s], over which friction changes its sign here; rates are too coarse for less
 STANDS = 0.1  # of a window, during which a motor may stand under voltage
 UNDER_VOLTAGE = 0.02  # of the largest voltage
 COMMON = 8.0  # windows that a sample lies in: so many rows are worth one
@@ -77,7 +76,7 @@ def rows_of(effort: Effort, motion: Motion, window: float, shown: Sequence[int])
 def _terms(effort: Effort, motion: Motion, part: slice) -> tuple[Floats, Floats, Floats, Floats]:
     """What psi multiplies (T, n-m, unknown), what psi' multiplies, R_1 u_1 (T, n-m), and if a motor stands (T,)."""
     x, u = motion.x[part], motion.u[part]
-    a, b, first, rates = effort.weak_terms.map(len(x))(x.T, u.T, FRICTION_WIDTH)
+    a, b, first, rates = effort.weak_terms.map(len(x))(x.T, u.T)
     under = np.abs(u) > UNDER_VOLTAGE * np.abs(motion.u).max()
     still = ((np.abs(np.asarray(rates).T) < 2.0 * FRICTION_WIDTH) & under).any(axis=1)
     return blocks(a, len(x)), blocks(b, len(x)), np.asarray(first).T, still.astype(float)
@@ -136,10 +135,11 @@ class WeakForm:
         weights = shares / np.maximum(scale, 1e-9 * scale.max())[kind]
         rows = matrix * weights[:, None]
         scores = rows * (left * weights)[:, None]
-        block = len(self.shown) * OVERLAP
-        ends = np.arange(0, len(scores), block)
-        normal = rows.T @ rows
-        covariance = sandwich(normal, np.add.reduceat(scores, ends, axis=0), precision)
+        ends = range(0, len(scores), len(self.shown) * OVERLAP)
+        clusters = [slice(end, end + ends.step) for end in ends]
+        normals = np.stack([rows[one].T @ rows[one] for one in clusters])
+        covariance = jackknife(normals, np.stack([scores[one].sum(axis=0) for one in clusters]), precision)
+        normal = normals.sum(axis=0)
         sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         values = np.linalg.eigvalsh(normal / np.outer(sizes, sizes))
         condition = float(np.sqrt(values[-1] / max(values[0], 1e-300)))
@@ -147,7 +147,6 @@ class WeakForm:
             "weak form",
             self.prior.whole(unknown),
             self.prior.spread_out(covariance),
-            FRICTION_WIDTH,
             condition=condition,
             share=share * np.abs(self.prior.whole(unknown)),
             left=float(np.sqrt(np.mean((shares * left / size) ** 2))),

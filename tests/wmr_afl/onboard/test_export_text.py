@@ -1,0 +1,192 @@
+"""The files of an export, before any of them is compiled."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.conftest import EXPERIMENTS
+from wmr_afl import ArgumentError, Controller, UnknownNameError, WmrError
+from wmr_afl.experiments.load import load_experiment
+from wmr_afl.onboard import export as module
+from wmr_afl.onboard.export import _of_the_library, export, onboard, vectors
+
+
+def exported(experiment: str | Path = "study_1", controller: str | None = "AFL", **options: Any) -> dict[str, str]:
+    """The texts of two samples."""
+    return {**export(experiment, controller, **{"is_unlimited": True, "samples": 2, **options})}  # type: ignore[dict-item]
+
+
+@pytest.mark.parametrize("has_reference", [True, False])
+@pytest.mark.parametrize("layout", ["cmake", "platformio"])
+def test_which_files_there_are_follows_from_the_options(has_reference: bool, layout: str) -> None:
+    """Names by the prefix; the reference and PlatformIO's file only if they are wanted."""
+    files = exported(prefix="my", has_reference=has_reference, layout=layout)
+    usual = {"my.h", "my.c", "my_buffer.h", "my_buffer.c", "main.c", "vectors.txt", "README.md", "CMakeLists.txt"}
+    reference = {"my_reference.h", "my_reference.c"} if has_reference else set()
+    assert set(files) == usual | reference | ({"library.json"} if layout == "platformio" else set())
+    sources = [name for name in files if name.endswith(".c") and name != "main.c"]
+    for text in (files["CMakeLists.txt"], files["README.md"]):
+        assert set(re.findall(r"\bmy\w*\.c\b", text)) == set(sources)
+    for name, text in files.items():
+        assert "controller_" not in text, name
+        for include in re.findall(r'#include "(\w+\.h)"', text):
+            assert include in {*files, "measure.h"}
+
+
+def test_what_platformio_wants_to_know_is_of_this_export() -> None:
+    library = json.loads(exported(prefix="my", layout="platformio")["library.json"])
+    assert (library["name"], library["headers"], library["license"]) == ("my", "my.h", "MIT")
+    assert "AFL" in library["description"]
+    assert load_experiment("study_1").loops["AFL"].model.title in library["description"]
+    assert library["build"]["srcFilter"] == ["+<*.c>", "-<main.c>"]
+    assert "-ffp-contract=off" in library["build"]["flags"]
+
+
+@pytest.mark.parametrize("is_single", [False, True])
+def test_a_replay_holds_what_python_was_given_and_gave(is_single: bool) -> None:
+    """Rows of dt, x, yr, yr', yr'', u and states, read back to the bit; the first line counts them."""
+    loop = load_experiment("study_1").loops["AFL"]
+    sampled = onboard(loop)
+    files = exported(samples=7, is_single=is_single)
+    count, *rows = files["vectors.txt"].splitlines()
+    assert int(count) == len(rows) == 7
+    found = np.array([row.split() for row in rows], dtype=float)
+    expected, tolerance = vectors(loop, sampled, 7, is_single)
+    np.testing.assert_array_equal(found, expected)
+    assert found.shape[1] == 1 + 5 + 3 * 2 + 2 + sampled.states.size
+    assert f"{tolerance:.2g}" in files["README.md"]
+    assert ("single" if is_single else "double") in files["README.md"].partition(" precision")[0]
+    controller = Controller.from_experiment("study_1", "AFL", is_live=True)
+    times = 0.02 * np.arange(7)
+    for row, t in zip(found, times, strict=True):
+        x, setpoint = row[1:6], row[6:12].reshape(3, 2)
+        if not is_single:
+            np.testing.assert_allclose(setpoint, [one[0] for one in loop.reference.over(np.array([t]))], rtol=1e-12)
+        np.testing.assert_allclose(controller.update(t, x, tuple(setpoint)), row[12:14], rtol=1e-12)
+        np.testing.assert_allclose(controller.states, row[14:], rtol=1e-12)
+        assert row[0] == 0.02
+
+
+def test_a_gate_is_exported_with_its_controller() -> None:
+    """Its bound is one of the gains, and its states are states."""
+    plain, gated = exported(is_tunable=True), exported(is_tunable=True, gate=0.25)
+    assert "gate_bound" not in plain["controller.c"] + plain["controller.h"]
+    assert re.search(r"\{ 0\.25 \}, /\* gate_bound \*/", gated["controller.c"])
+    assert "CONTROLLER_Z_gate_y_0" in gated["controller.h"]
+    assert exported(gate=0.5)["controller.c"] != exported(gate=0.25)["controller.c"]
+    sampled = onboard(load_experiment("study_1").loops["AFL"], 0.25)
+    assert sampled.gate is not None
+    assert sampled.gate.bound.tolist() == [0.25]
+
+
+@pytest.mark.parametrize("prefix", ["a", "A9_b", "my_robot"])
+def test_a_prefix_is_a_name_in_c(prefix: str) -> None:
+    """Letters first; no keyword, no sign, no letter of another alphabet."""
+    assert f"{prefix}.h" in exported(prefix=prefix)
+    for wrong in (
+        f"9{prefix}",
+        f"_{prefix}",
+        f"{prefix}-",
+        f"{prefix} ",
+        f"é{prefix}",
+        f"{prefix}\n",
+        "",
+        "int",
+        "volatile",
+    ):
+        with pytest.raises(ArgumentError, match="is no name in C"):
+            exported(prefix=wrong)
+
+
+@pytest.mark.parametrize("samples", [0, -1, module.MOST_SAMPLES + 1])
+def test_one_sample_is_enough_to_replay_and_there_are_most(samples: int) -> None:
+    with pytest.raises(ArgumentError, match=f"{samples} samples to replay; choose 1 to {module.MOST_SAMPLES}"):
+        exported(samples=samples)
+    assert exported(samples=1)["vectors.txt"].startswith("1\n")
+
+
+@pytest.mark.parametrize("options", [{"layout": "maven"}, {"fmu": 4}])
+def test_what_is_not_known_is_refused_before_anything_is_read(options: dict[str, Any]) -> None:
+    with pytest.raises(UnknownNameError):
+        exported("no such experiment", **options)
+
+
+def test_without_limits_one_has_to_say_so(tmp_path: Path) -> None:
+    """Limits of commands or of the drive do; the README tells which there are."""
+    with pytest.raises(WmrError, match="nothing limits the voltages of 'AFL'; add command_limits or input_limits"):
+        exported(is_unlimited=False)
+    assert "none. Whatever is computed goes to the motors" in exported()["README.md"]
+    text = (EXPERIMENTS / "study_1.toml").read_text()
+    for limits, told in (
+        ("command_limits = { most = 9.0, least = -4.0 }", "command_limits.most = [9.0, 9.0] V, command_limits.least"),
+        ("input_limits = { volts = 7.0 }", "input_limits.volts = [7.0, 7.0] V"),
+    ):
+        file = tmp_path / "limited.toml"
+        file.write_text(text.replace("[shared]", f"[uncertainties]\n{limits}\n\n[shared]", 1))
+        readme = exported(file, is_unlimited=False)["README.md"]
+        assert told in readme
+        assert "experiment limited" in readme
+        assert "gains" not in readme.partition("Limits of the voltages:")[2].partition("\n")[0]
+
+
+def test_a_folder_is_written_whole_and_only_where_there_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    files = export("study_1", "AFL", tmp_path / "a" / "b", is_unlimited=True, samples=1)
+    assert {path.name: path.read_text() for path in (tmp_path / "a" / "b").iterdir()} == files
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    for there in (tmp_path / "a", tmp_path / "link"):
+        with pytest.raises(WmrError, match="exists; choose the name of a new folder"):
+            export("study_1", "AFL", there, is_unlimited=True, samples=1)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(module, "write_folder", full)
+    with pytest.raises(WmrError, match=r"c cannot be written .No space left on device.; choose another folder"):
+        export("study_1", "AFL", tmp_path / "c", is_unlimited=True, samples=1)
+
+
+def test_the_first_controller_is_exported_unless_one_is_named() -> None:
+    first, other = exported(controller=None), exported(controller="frozen estimates")
+    assert 'controller "AFL" of experiment study_1, written by wmr-afl' in first["controller.h"]
+    assert 'controller "frozen estimates" of' in other["controller.h"]
+
+
+@pytest.mark.parametrize(
+    ("calls", "found"),
+    [
+        ([], set()), (["fabs", "my_helper"], {"fabs"}), (["sqrtf"], {"sqrtf"}), (["my_sincos_of"], {"fabs", "floor"}),
+        (["my_exp_of", "sqrt"], {"floor", "ldexp", "sqrt"}),
+    ],
+)  # fmt: skip
+def test_of_the_c_library_those_are_told_that_are_called(calls: list[str], found: set[str]) -> None:
+    """Also by the project's own functions."""
+    assert _of_the_library(calls) == found
+
+
+def test_the_reference_in_c_is_one_of_time(tmp_path: Path) -> None:
+    """In double precision whatever the law's; functions that it calls are told; a place at rest reads no time."""
+    text, circle = (
+        (EXPERIMENTS / "study_1.toml").read_text(),
+        "circle = { center = [10.0, 25.0], radius = 7.5, rate = 0.05 }",
+    )
+    assert circle in text
+    found = {}
+    for name, formulas in (("still", ("15", "25")), ("moves", ("15 + tanh(t)", "25*sqrt(1 + t)"))):
+        table = 'expressions = {{ y1 = "{}", y2 = "{}" }}'.format(*formulas)
+        (tmp_path / f"{name}.toml").write_text(text.replace(circle, table))
+        found[name] = exported(tmp_path / f"{name}.toml", is_single=True)
+    for name, files in found.items():
+        code = files["controller_reference.c"]
+        assert ("(void)t;" in code) == (name == "still")
+        assert ("`tanh`" in files["README.md"], "`sqrt`" in files["README.md"]) == (name == "moves", name == "moves")
+        for field in ("position", "velocity", "acceleration"):
+            for i in (0, 1):
+                assert f"setpoint->{field}[{i}] = " in code
+        assert not re.search(r"\d\.\d+f\b", code.partition("void controller_reference(")[2])
+    assert "setpoint->position[1] = (controller_real)(25.0);" in found["still"]["controller_reference.c"]

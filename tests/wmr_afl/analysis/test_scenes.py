@@ -3,7 +3,6 @@
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from subprocess import CalledProcessError
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from tests.wmr_afl.analysis.test_samples import MODEL, TIME, run
+from wmr_afl.analysis import animation
 from wmr_afl.analysis.animation import (
     LONGEST_LINE,
     MOST_PICTURES,
@@ -272,20 +272,20 @@ def test_a_run_becomes_a_file_of_pictures_that_differ(tmp_path: Path) -> None:
     told: list[tuple[int, int]] = []
     file = animate(near(), tmp_path / "new" / "a.gif", 2, progress=lambda done, total: told.append((done, total)))
     assert told == [(1, 3), (2, 3), (3, 3)]
-    with Image.open(file) as animation:
-        assert animation.n_frames == 3
-        assert animation.info["duration"] == 500  # [ms]
+    with Image.open(file) as moving:
+        assert moving.n_frames == 3
+        assert moving.info["duration"] == 500  # [ms]
         pictures = []
         for picture in range(3):
-            animation.seek(picture)
-            pictures.append(np.asarray(animation.convert("RGB")))
+            moving.seek(picture)
+            pictures.append(np.asarray(moving.convert("RGB")))
     assert all(np.any(one != other) for one, other in pairwise(pictures))
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["a.gif"]
 
 
 @pytest.mark.parametrize(
     ("error", "words"),
-    [(OSError(28, "No space left"), "No space left"), (CalledProcessError(1, "ffmpeg"), "ffmpeg failed")],
+    [(OSError(28, "No space left"), "No space left"), (animation.CalledProcessError(1, "ffmpeg"), "ffmpeg failed")],
 )
 def test_a_picture_that_cannot_be_written_leaves_no_file(
     error: Exception, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -298,3 +298,18 @@ def test_a_picture_that_cannot_be_written_leaves_no_file(
     with pytest.raises(WmrError, match=f"a.gif: cannot be written .{words}"):
         animate(near(), tmp_path / "a.gif", 2)
     assert not list(tmp_path.iterdir())
+
+
+def test_close_up_everything_is_drawn_larger() -> None:
+    """Marks and lines of the robot and its output, and the ring of the goal around the output's dot."""
+    whole, close = Scene(near(), ROWS)._panels
+    for part in ("_goal", "_point", "_joints"):
+        assert getattr(close, part).get_markersize() > getattr(whole, part).get_markersize() > 0.0
+    for panel in (whole, close):
+        assert panel._goal.get_markersize() > panel._point.get_markersize()
+        above = [panel._point.get_zorder(), panel._goal.get_zorder(), panel._joints.get_zorder()]
+        assert min(above) > max(collection.get_zorder() for collection, _ in panel._moving)
+    for (one, _), (other, _) in list(zip(close._moving, whole._moving, strict=True))[:2]:
+        assert one.get_linewidth()[0] > other.get_linewidth()[0] > 0.0
+    rollers = [panel._moving[3][0].get_linewidth()[0] for panel in (whole, close)]
+    assert 0.0 < rollers[0] < rollers[1]

@@ -102,16 +102,29 @@ def test_a_prefix_is_a_name_in_c(prefix: str) -> None:
             exported(prefix=wrong)
 
 
-@pytest.mark.parametrize("samples", [0, -1, module.MOST_SAMPLES + 1])
+@pytest.mark.parametrize("samples", [0, -1, 1_000_001])
 def test_one_sample_is_enough_to_replay_and_there_are_most(samples: int) -> None:
-    with pytest.raises(ArgumentError, match=f"{samples} samples to replay; choose 1 to {module.MOST_SAMPLES}"):
+    with pytest.raises(ArgumentError, match=f"{samples} samples to replay; choose 1 to 1000000"):
         exported(samples=samples)
     assert exported(samples=1)["vectors.txt"].startswith("1\n")
 
 
-@pytest.mark.parametrize("options", [{"layout": "maven"}, {"fmu": 4}])
-def test_what_is_not_known_is_refused_before_anything_is_read(options: dict[str, Any]) -> None:
-    with pytest.raises(UnknownNameError):
+def test_unless_told_otherwise_a_thousand_samples_are_replayed_in_double_precision() -> None:
+    """With the experiment's reference, gains built in, and nothing for other simulators."""
+    files = export("study_2")
+    assert str(files["vectors.txt"]).splitlines()[0] == "1000"
+    assert {name.partition("_")[0] for name in files if name.endswith(".c")} == {"controller", "controller.c", "main.c"}
+    assert "typedef double controller_real;" in str(files["controller.h"])
+    assert "controller_reference.c" in files
+    assert "controller_gains" not in str(files["controller.h"])
+    assert not [name for name in files if name.endswith(".fmu")]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"), [({"layout": "maven"}, "unknown layout 'maven'"), ({"fmu": 4}, "unknown version of FMI '4'")]
+)
+def test_what_is_not_known_is_refused_before_anything_is_read(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(UnknownNameError, match=words):
         exported("no such experiment", **options)
 
 
@@ -190,3 +203,22 @@ def test_the_reference_in_c_is_one_of_time(tmp_path: Path) -> None:
                 assert f"setpoint->{field}[{i}] = " in code
         assert not re.search(r"\d\.\d+f\b", code.partition("void controller_reference(")[2])
     assert "setpoint->position[1] = (controller_real)(25.0);" in found["still"]["controller_reference.c"]
+
+
+@pytest.mark.parametrize(("experiment", "name"), [("track_car", "composite"), ("track_mecanum", "AFL")])
+def test_a_replay_in_single_precision_may_differ_by_what_rounded_inputs_make_many_times(
+    experiment: str, name: str
+) -> None:
+    """Thirty times, of the largest size of each number; the inputs that are replayed are rounded already."""
+    loop = load_experiment(experiment).loops[name]
+    sampled = onboard(loop)
+    (exact, none), (rounded, tolerance) = (vectors(loop, sampled, 80, is_single) for is_single in (False, True))
+    inputs = 1 + len(sampled.measured) + 3 * len(loop.model.output_units)
+    np.testing.assert_array_equal(rounded[:, 1:inputs], exact[:, 1:inputs].astype(np.float32))
+    worst = 0.0
+    for column in range(inputs, exact.shape[1]):
+        size = max(abs(value) for value in exact[:, column])
+        off = max(abs(a - b) for a, b in zip(exact[:, column], rounded[:, column], strict=True))
+        worst = max(worst, off / size if size else off)
+    assert none == 1e-12
+    assert tolerance == pytest.approx(max(2e-5, 30.0 * worst), rel=1e-12)

@@ -156,3 +156,16 @@ def test_many_estimates_differ_by_dashes_once_colours_are_used_up() -> None:
     assert {line.get_linestyle() for line in true} == {":"}
     assert len(axes.get_legend().get_texts()) == count
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "estimated base parameters")
+
+
+def test_names_of_panels_one_below_the_other_stand_in_a_line() -> None:
+    """However wide the numbers beside them are."""
+    random = np.random.default_rng(6)
+    wide = np.array([1.0, 1e3])
+    signals = {"observed": random.normal(size=(len(TIME), 5)), "unexpected": random.normal(size=(len(TIME), 2)) * wide}
+    slip = {"slip": random.normal(size=(len(TIME), 2)) * wide, "slip_names": ("right along", "left along")}
+    figures = plots.overview({"a": run(error=random.normal(size=(len(TIME), 2)) * wide, **signals, **slip)}, "title")
+    for name in ("errors", "observed_a", "slip_a"):
+        figures[name].canvas.draw()
+        ends = [axes.yaxis.label.get_window_extent().x1 for axes in figures[name].axes]
+        assert np.ptp(ends) < 0.5, name

@@ -313,3 +313,30 @@ def test_close_up_everything_is_drawn_larger() -> None:
         assert one.get_linewidth()[0] > other.get_linewidth()[0] > 0.0
     rollers = [panel._moving[3][0].get_linewidth()[0] for panel in (whole, close)]
     assert 0.0 < rollers[0] < rollers[1]
+
+
+@pytest.mark.parametrize("place", [0.0, 4e6])
+def test_nothing_lies_on_anything_else_and_nothing_jumps(place: float) -> None:
+    """Panels, title, legend and failure; the name beside an axis stays while the numbers beside it change."""
+    one = near()
+    shift = np.array([0.0, place])
+    state = one.state + np.concatenate([shift, np.zeros(3)])
+    moved = replace(one, state=state, reference=one.reference + shift, failure=Failure(0.7, "the robot is singular"))
+    scene, names = Scene(moved, ROWS), []
+    for picture in range(3):
+        scene.show(picture)
+        scene.figure.canvas.draw()
+        boxes = [axes.get_window_extent() for axes in scene.figure.axes]
+        boxes += [
+            text.get_window_extent() for axes in scene.figure.axes for text in (axes.xaxis.label, axes.yaxis.label)
+        ]
+        boxes += [axes._left_title.get_window_extent() for axes in scene.figure.axes]
+        boxes += [
+            scene.figure.legends[0].get_window_extent(),
+            *(text.get_window_extent() for text in scene.figure.texts),
+        ]
+        assert not [(i, k) for i, one in enumerate(boxes) for k, other in enumerate(boxes[:i]) if one.overlaps(other)]
+        assert all(scene.figure.bbox.contains(*corner) for box in boxes for corner in (box.min, box.max))
+        names.append([axes.yaxis.label.get_window_extent().bounds for axes in scene.figure.axes])
+    np.testing.assert_array_equal(names[0], names[1])
+    np.testing.assert_array_equal(names[0], names[2])

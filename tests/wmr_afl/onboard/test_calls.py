@@ -293,3 +293,13 @@ def test_an_experiment_gives_sample_time_drive_and_reference() -> None:
     names = [part.name for part in loop.plant.drive]
     assert names == [part.name for part in controller.sampled.drive] == [part.name for part in live.sampled.drive]
     assert names
+
+
+@pytest.mark.parametrize("t", [10**400, np.array([1.0]), np.array(True), np.timedelta64(1, "s"), b"1", [1.0]])
+def test_what_is_no_time_is_refused(t: Any) -> None:
+    """A number too large for seconds, arrays of one, truth values, durations."""
+    controller = Controller.from_experiment("study_1")
+    with pytest.raises(ShapeError, match="give seconds as a number"):
+        controller.update(t, X)
+    assert controller.diagnostics.status == Status.BAD_TIME_STEP
+    assert np.isfinite(controller.update(np.array(0.5), X)).all()

@@ -1,7 +1,9 @@
 """The files of an export, before any of them is compiled."""
 
+import io
 import json
 import re
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ import pytest
 from tests.conftest import EXPERIMENTS
 from wmr_afl import ArgumentError, Controller, UnknownNameError, WmrError
 from wmr_afl.experiments.load import load_experiment
+from wmr_afl.onboard import cosimulation
 from wmr_afl.onboard import export as module
 from wmr_afl.onboard.export import _of_the_library, export, onboard, vectors
 
@@ -222,3 +225,41 @@ def test_a_replay_in_single_precision_may_differ_by_what_rounded_inputs_make_man
         worst = max(worst, off / size if size else off)
     assert none == 1e-12
     assert tolerance == pytest.approx(max(2e-5, 30.0 * worst), rel=1e-12)
+
+
+@pytest.mark.parametrize("options", [{}, {"is_single": True, "is_tunable": True, "has_reference": False}])
+def test_files_are_clean_texts(options: dict[str, Any]) -> None:
+    """Each ends with one newline; no line ends with blanks, and templates leave no gaps and no marks of other texts."""
+    for name, text in exported(**options).items():
+        assert text.endswith("\n"), name
+        assert not text.endswith("\n\n"), name
+        assert not text.startswith("\n"), name
+        assert all(line == line.rstrip() for line in text.split("\n")), name
+        assert text.count("\n\n\n") <= 1, name  # between the functions of its own and the rest
+        assert not re.search(r"&(amp|lt|gt|#\d+);|\{\{|\{%", text), name
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_fmus_stand_beside_the_texts(version: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of controller and robot, with the reference inside and the experiment's duration; the README tells of them."""
+    monkeypatch.setattr(cosimulation, "binary", lambda name, text, version: {})
+    files, plain = (
+        export("study_1", "AFL", is_unlimited=True, samples=2, prefix="my", fmu=version),
+        exported(prefix="my"),
+    )
+    assert set(files) - set(plain) == {"my.fmu", "my_plant.fmu"}
+    assert {name: text for name, text in files.items() if name in plain and name != "README.md"} == {
+        name: text for name, text in plain.items() if name != "README.md"
+    }
+    readme = str(files["README.md"])
+    assert f"FMI {version}.0" in readme
+    assert "`my_plant.fmu`" in readme
+    assert "FMI" not in plain["README.md"]
+    for name in ("my.fmu", "my_plant.fmu"):
+        content = files[name]
+        assert isinstance(content, bytes)
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            assert ("sources/my_reference.c" in archive.namelist()) == (name == "my.fmu")
+            description = archive.read("modelDescription.xml").decode()
+        assert f'fmiVersion="{version}.0"' in description
+        assert 'stopTime="140.0" stepSize="0.02"' in description

@@ -52,6 +52,15 @@ def test_a_float_stays_above_zero_and_finite(value: float, kept: float, sign: fl
     assert np.signbit(np.float32(found)) == (sign < 0.0)
 
 
+@pytest.mark.parametrize("value", [1.0 / 3.0, np.pi, 123456.789, 2.0 / 3.0 * 1e-30, 1e60, 1e-60])
+def test_a_float_has_nine_digits_at_most(value: float) -> None:
+    """The shortest ones that are read back to it; a double has seventeen."""
+    for is_single, most in ((True, 9), (False, 17)):
+        digits = decimal(value, is_single).partition("e")[0].replace(".", "").strip("f0")
+        assert 1 <= len(digits) <= most
+        assert digits.isdigit()
+
+
 def test_what_is_no_finite_number_is_written_by_its_name() -> None:
     for is_single, real in ((False, "double"), (True, "float")):
         found = [re.sub(r"[()]|f$", "", decimal(value, is_single)) for value in (np.inf, -np.inf, np.nan)]

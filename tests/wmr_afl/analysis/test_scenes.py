@@ -170,6 +170,16 @@ def test_a_robot_that_runs_away_does_not_shrink_the_scene() -> None:
     (whole, half), (middle, _) = (limits(axes) for axes in scene.figure.axes)
     assert home < half[0] < 3.0 * home
     assert np.all(np.abs(middle - whole) <= half + 1e-9)
+    halves = []
+    for axis in (0, 1):
+        for way in (-1e9, 1e9):
+            state = one.state.copy()
+            state[10, axis] = way
+            fled = Scene(replace(one, state=state), ROWS)
+            points = np.concatenate([fled.shapes.points[0], one.reference])
+            half = limits(fled.figure.axes[0])[1, 0]
+            halves.append(half / 0.53 - np.ptp(points, axis=0)[axis])  # how far beyond what was there
+    assert 1.999 * home < min(halves) <= max(halves) < 2.5 * home  # to any side
     far = near()
     error = far.error + 50.0  # an output far from its robot is no part of it
     apart = Scene(replace(far, error=error, reference=far.reference + 50.0), ROWS)

@@ -89,7 +89,7 @@ class Scene:
         self.point = (run.output if self.tracked else next(iter(geometry.frames(run.state).values())))[:, :2]
         self.figure = Figure(figsize=SIZE)
         FigureCanvasAgg(self.figure)
-        self.figure.subplots_adjust(left=0.085, right=0.98, bottom=0.205, top=0.86, wspace=0.22)
+        self.figure.subplots_adjust(left=0.085, right=0.98, bottom=0.205, top=0.83, wspace=0.22)
         whole, near = self.figure.subplots(1, 2)
         self._panels = (_Panel(whole, self, 1.0, "the whole scene"), _Panel(near, self, 2.0, "close up"))
         middle, half, self._middles, self._half = self._views()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,9 +13,15 @@ from typer.testing import CliRunner
 import wmr_afl
 from tests.conftest import EXPERIMENTS
 from tests.wmr_afl.controllers.test_waypoints import experiment
-from wmr_afl.analysis.feasibility import Demand, Doubt, _beyond, demand
+from wmr_afl.analysis import feasibility
+from wmr_afl.analysis.feasibility import Demand, Doubt, _beyond, _jumps, _limits, _rate, demand
 from wmr_afl.cli import app
 from wmr_afl.experiments.experiment import find_experiment, read_experiment
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.plant.command_limits import CommandLimitsTable
+from wmr_afl.plant.input_limits import InputLimitsTable
+from wmr_afl.plant.order import UncertaintiesTable
+from wmr_afl.simulation.result import Failure, Run
 
 LINE = "line = { start = [0.0, 0.0], velocity = [0.3, 0.0] }"
 
@@ -134,3 +141,137 @@ def test_of_many_stretches_four_are_told_and_the_rest_as_one(count: int) -> None
     whole = [Doubt("u would need up to 4 V of 3 V", 5.0 * k, 5.0 * k + 0.5) for k in range(min(count, 4))]
     rest = [Doubt(f"u {count - 4} times more,", 20.0, 5.0 * (count - 1) + 0.5)] if count > 4 else []
     assert found == whole + rest
+
+
+def made_to_run(monkeypatch: pytest.MonkeyPatch, **changed: object) -> list[Run]:
+    """From now on what is simulated for half a second comes to this; the runs are noted."""
+    usual, runs = feasibility.simulate, list[Run]()
+
+    def simulated(loop: object, duration: float, *names: str) -> Run:
+        run = usual(loop, 1.0, *names)  # type: ignore[arg-type]
+        runs.append(replace(run, **{name: one(run) if callable(one) else one for name, one in changed.items()}))
+        return runs[-1]
+
+    monkeypatch.setattr(feasibility, "simulate", simulated)
+    return runs
+
+
+def test_a_joint_at_its_stop_is_doubted_over_the_whole_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 0 s to its end; other warnings are none of what a robot can follow."""
+    runs = made_to_run(monkeypatch, warnings=("beta is at its stop", "something else"))
+    found = demand(*read_experiment("study_1"))
+    (run,) = runs
+    assert found.doubts == (Doubt("beta is at its stop", 0.0, run.time[-1]),)
+    assert str(found.doubts[0]) == "beta is at its stop between 0 s and 1 s"
+
+
+def test_a_run_that_fails_is_doubted_at_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_to_run(monkeypatch, failure=Failure(0.74, "the robot is singular"))
+    found = demand(*read_experiment("study_1"))
+    assert found.doubts == (Doubt("the robot is singular,", 0.74, 0.74),)
+    assert str(found.doubts[0]) == "the robot is singular, at 0.74 s"
+
+
+@pytest.mark.parametrize(
+    ("lowest", "highest", "volts", "limit"),
+    [
+        (-3.0, 4.0, 3.0, 4.0),  # 3 of 4 V backwards are more than 4 of 8 V forwards
+        (-1.0, 4.0, 4.0, 8.0),
+        (-2.0, 4.0, 4.0, 8.0),  # the same shares: the larger number
+        (0.0, 2.0, 2.0, 8.0),
+        (-1.0, 0.0, 1.0, 4.0),
+    ],
+)
+def test_what_is_needed_is_told_of_the_side_that_is_nearer_to_its_limit(
+    lowest: float, highest: float, volts: float, limit: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Once the robot is on its way, half a second after its start."""
+
+    def command(run: Run) -> Floats:
+        u = np.zeros((len(run.time), 2))
+        u[run.time < 0.49] = [-90.0, 90.0]
+        u[-5], u[-3] = lowest, highest
+        return u
+
+    made_to_run(monkeypatch, command=command)
+    experiment, path = read_experiment("study_1")
+    limits = UncertaintiesTable(command_limits=CommandLimitsTable(most=8.0, least=-4.0))
+    found = demand(experiment.model_copy(update={"uncertainties": limits}), path)
+    assert set(found.volts.values()) == {volts}
+    assert set(found.limits.values()) == {limit}
+    assert not found.doubts
+
+
+@pytest.mark.parametrize(("sample_time", "rate"), [(0.001, 10.0), (0.02, 10.0), (0.04, 5.0), (0.1, 2.0)])
+def test_the_law_that_knows_everything_is_as_fast_as_samples_allow(sample_time: float, rate: float) -> None:
+    """A fifth of their rate, and no faster than ten a second."""
+    one = SimpleNamespace(simulation=SimpleNamespace(sample_time=sample_time))
+    assert _rate(one) == pytest.approx(rate)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("drive", "software", "least", "most"),
+    [
+        (None, None, [-np.inf, -np.inf], [np.inf, np.inf]),
+        ([3.0, 5.0], None, [-3.0, -5.0], [3.0, 5.0]),
+        (None, {"most": [4.0, 2.0]}, [-4.0, -2.0], [4.0, 2.0]),
+        (None, {"most": 4.0, "least": [-1.0, -2.0]}, [-1.0, -2.0], [4.0, 4.0]),
+        (3.0, {"most": [4.0, 2.0], "least": [-1.0, -9.0]}, [-1.0, -3.0], [3.0, 2.0]),
+    ],
+)
+def test_a_motor_has_the_lesser_of_drive_and_software(
+    drive: object, software: dict | None, least: list, most: list
+) -> None:
+    """On either side, each motor for itself."""
+    table = UncertaintiesTable(
+        input_limits=None if drive is None else InputLimitsTable(volts=drive),  # type: ignore[arg-type]
+        command_limits=None if software is None else CommandLimitsTable(**software),
+    )
+    np.testing.assert_array_equal(_limits(table, 2), [least, most])
+
+
+def moved(position: Floats, velocity: Floats, acceleration: Floats) -> list[Doubt]:
+    """What is doubted of one output with a sample every tenth of a second."""
+    times = 0.1 * np.arange(len(position))
+    rows = tuple(one[:, None] for one in (position, velocity, acceleration))
+    return list(_jumps(SimpleNamespace(over=lambda t: rows), times))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("jump", "is_told"), [(0.028, False), (0.032, True), (0.3, True), (-0.028, False), (-0.032, True)]
+)
+def test_a_jump_is_what_is_beyond_the_derivatives_and_their_bend(jump: float, is_told: bool, sign: float) -> None:
+    """A centimetre more than a fifth of what the velocity tells, 0.1 m a sample; at the sample after it."""
+    position, zero = 0.1 * np.arange(9.0), np.zeros(9)
+    position[4:] += jump
+    found = moved(sign * position, np.full(9, sign), zero)
+    expected = [Doubt(f"the reference jumps by {abs(jump):.3g}", 0.4, 0.4)] if is_told else []
+    assert [(one.what, round(one.first, 9), round(one.last, 9)) for one in found] == [
+        (one.what, one.first, one.last) for one in expected
+    ]
+    assert len(moved(zero, zero, zero)) == 0
+    speed = np.where(np.arange(9) < 4, 0.0, sign * abs(jump))
+    follows = np.concatenate([[0.0], np.cumsum(0.05 * (speed[1:] + speed[:-1]))])
+    told = [one.what for one in moved(follows, speed, zero)]
+    assert told == [f"the velocity of the reference jumps by {abs(jump):.3g}"]
+
+
+def test_of_many_jumps_four_are_told() -> None:
+    """The first ones."""
+    found = moved(np.arange(9.0), np.zeros(9), np.zeros(9))
+    assert [round(one.first, 9) for one in found] == [0.1, 0.2, 0.3, 0.4]
+
+
+def test_stretches_are_one_unless_more_than_a_second_is_between_them() -> None:
+    """What is told is the most of a stretch, on the side that is farther beyond; the bound itself is allowed."""
+    time = 0.5 * np.arange(12)
+    u = np.array([3.0, 3.5, 0.0, -5.0, 0.0, 0.0, 4.0, -3.0, 3.0, 0.0, 0.0, 9.0])[:, None]
+    run = SimpleNamespace(time=time, command=u)
+    limits = np.array([-4.0]), np.array([3.0])
+    late = time < 5.0
+    found = list(_beyond(run, late, limits, ["u"]))  # type: ignore[arg-type]
+    assert found == [Doubt("u would need up to 5 V of 4 V", 0.5, 1.5), Doubt("u would need up to 4 V of 3 V", 3.0, 3.0)]
+    assert [str(one) for one in found] == [
+        "u would need up to 5 V of 4 V between 0.5 s and 1.5 s", "u would need up to 4 V of 3 V at 3 s"
+    ]  # fmt: skip

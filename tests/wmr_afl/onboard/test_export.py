@@ -13,7 +13,7 @@ from tests.conftest import EXPERIMENTS
 from wmr_afl import ArgumentError, Controller, InputError, UnknownNameError, WmrError
 from wmr_afl.controllers.live_reference import BufferState, ReferenceBuffer
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.onboard.export import export, onboard, vectors
+from wmr_afl.onboard.export import export, onboard
 from wmr_afl.simulation.kernels.c_compiler import compiler
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
@@ -318,22 +318,3 @@ def test_the_buffer_in_c_refuses_what_pythons_refuses(tmp_path: Path) -> None:
         check=True,
     )
     assert [line.split()[0] for line in done.stdout.splitlines()] == [answer for _, answer in script]
-
-
-@pytest.mark.parametrize(("experiment", "name"), [("track_car", "composite"), ("track_mecanum", "AFL")])
-def test_a_replay_in_single_precision_may_differ_by_what_rounded_inputs_make_many_times(
-    experiment: str, name: str
-) -> None:
-    """Thirty times, of the largest size of each number; the inputs that are replayed are rounded already."""
-    loop = load_experiment(experiment).loops[name]
-    sampled = onboard(loop)
-    (exact, none), (rounded, tolerance) = (vectors(loop, sampled, 80, is_single) for is_single in (False, True))
-    inputs = 1 + len(sampled.measured) + 3 * len(loop.model.output_units)
-    np.testing.assert_array_equal(rounded[:, 1:inputs], exact[:, 1:inputs].astype(np.float32))
-    worst = 0.0
-    for column in range(inputs, exact.shape[1]):
-        size = max(abs(value) for value in exact[:, column])
-        off = max(abs(a - b) for a, b in zip(exact[:, column], rounded[:, column], strict=True))
-        worst = max(worst, off / size if size else off)
-    assert none == 1e-12
-    assert tolerance == pytest.approx(max(2e-5, 30.0 * worst), rel=1e-12)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import io
 import os
-import re
-import subprocess
 import sysconfig
 import zipfile
 from collections.abc import Mapping
@@ -32,13 +29,7 @@ from wmr_afl.simulation.simulate import simulate
 
 fmpy = pytest.importorskip("fmpy")
 build, validation = (pytest.importorskip(f"fmpy.{name}") for name in ("build", "validation"))
-HEADERS = Path(fmpy.__file__).parent / "c-code"  # those of the standard, of both versions
 SAMPLE_TIME = 0.02
-OF_MODEL_EXCHANGE = frozenset(  # functions that co-simulation by FMI 2.0 does not need
-    """EnterEventMode NewDiscreteStates EnterContinuousTimeMode CompletedIntegratorStep SetTime SetContinuousStates
-    GetDerivatives GetEventIndicators GetContinuousStates GetNominalsOfContinuousStates
-    """.split()  # noqa: SIM905, a table of words reads better than a list of strings
-)
 NOISY = """
 [uncertainties]
 measurement_noise = { deviation = { x = 0.002, phi = 0.001 }, seed = 3 }
@@ -405,30 +396,6 @@ def test_without_a_compiler_the_sources_are_there_and_can_be_built(
     build.build_platform_binary(folder, place)
     law, plant = Slave(tmp_path / "out" / "controller.fmu", folder), exports.pair("study_1", "AFL", 3)[1]
     agree(driven(law, plant, 20)["state"], run_of("study_1", "AFL", 20).state[:20])
-
-
-@pytest.mark.parametrize("version", [2, 3])
-def test_its_c_is_the_standards(exports: Exports, version: int, tmp_path: Path) -> None:
-    """Its declarations are those of the standard's headers, all functions are there, and two FMUs can be linked."""
-    command = [*(c_compiler.compiler() or ()), "-std=c11", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
-    command += ["-Wno-unused-parameter", "-fPIC"]
-    folder, header = exports.make("study_1", "AFL", version), HEADERS / f"fmi{version}Functions.h"
-    wanted = set(re.findall(rf"^ *FMI{version}_Export fmi\w+TYPE\s+(\w+);", header.read_text(), flags=re.M))
-    wanted -= {f"fmi2{name}" for name in OF_MODEL_EXCHANGE}
-    assert len(wanted) > 30
-    objects = []
-    for name in ("controller", "plant"):
-        one = Slave(folder / f"{name}.fmu", folder / f"{name}_fmu")
-        library = ctypes.CDLL(str(next(one.folder.glob("binaries/*/*"))))
-        assert [function for function in sorted(wanted) if not hasattr(library, function)] == []
-        sources = one.folder / "sources"
-        subprocess.run([*command, "-fsyntax-only", "-include", header, sources / f"{name}_fmu.c"], check=True)
-        for source in sorted(sources.glob("*.c")):
-            objects.append(tmp_path / f"{name}_{source.stem}.o")
-            prefix = f"-DFMI{version}_FUNCTION_PREFIX={name}_"
-            subprocess.run([*command, prefix, "-c", source, "-o", objects[-1]], check=True)
-    subprocess.run([*(c_compiler.compiler() or ()), "-shared", *objects, "-o", tmp_path / "both.so", "-lm"], check=True)
-    assert hasattr(ctypes.CDLL(str(tmp_path / "both.so")), f"plant_fmi{version}DoStep")
 
 
 def test_the_same_experiment_gives_the_same_bytes(exports: Exports, tmp_path: Path) -> None:

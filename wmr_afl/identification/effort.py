@@ -172,7 +172,7 @@ class Effort:
 
         The law of `Plant`: it opposes each motor's rate with all it has, or holds the motor at rest. A motor that
         passes through rest within the step is opposed one way and then the other: on average by less. Without that
-        the error would be of the order of the step.
+        its rate would be off by a tenth of what it was before, or more.
         """
         s, unknown, step = self._symbols, ca.SX.sym("unknown", len(self.units)), ca.SX.sym("step")
         arrays, count = self.model.in_library("casadi").arrays, len(self.model.input_units)

@@ -22,7 +22,8 @@ from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 
 GAP = 2.5  # sample times without a row: a segment ends there
-JITTER = 0.5  # of a sample time, by which rows may be off a uniform grid
+JITTER = 0.3  # of a sample time, by which the time from row to row may differ
+SOME = 0.1  # of the rows, that may be further apart
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def log_of(
 ) -> Log:
     """A log from arrays: time (T,) [s], voltages (T, n_u) [V], and (T,) for each measured column by its name.
 
-    Rows may be off a uniform grid by half a sample; a gap of two samples begins another segment.
+    The time from row to row may differ by a third of a sample; a gap of two samples begins another segment.
 
     Raises:
         ShapeError: if the columns have different lengths, or hold what is not a finite number.
@@ -170,11 +171,10 @@ def _uniform(name: str, t: Floats, u: Floats, z: Floats, row: int) -> list[Segme
         if last - first < 3:
             continue
         own = t[first:last]
-        count = round(float(own[-1] - own[0]) / step) + 1
-        even = step if count < 2 else float(own[-1] - own[0]) / (count - 1)
-        grid = own[0] + even * np.arange(count)
-        off = np.abs(own - (own[0] + even * np.round((own - own[0]) / even))).max() / even
-        if off > JITTER - 1e-9 or count > 2 * (last - first):
+        taken = np.round(np.diff(own) / step).astype(int)  # samples from row to row: a row may be missing
+        even = float(own[-1] - own[0]) / max(int(taken.sum()), 1)
+        grid = own[0] + even * np.arange(int(taken.sum()) + 1)
+        if np.mean(np.abs(np.diff(own) / even - 1.0) > JITTER) > SOME:
             raise WmrError(
                 f"rows near t = {own[0]:g} s are too irregular for a grid", "log at a fixed rate, or resample"
             )

@@ -1,4 +1,4 @@
-"""From what was measured to q, v and u, with one zero-phase kernel for all of them; nothing is differentiated twice.
+"""From what was measured to q, v and u, with one zero-phase filter for all of them; nothing is differentiated twice.
 
 v is the weighted least-squares solution of all rows that were measured, X_j v = angle_j' and S_i v = q_i', each over
 the noise of its rate. Coordinates without a column are integrated from q' = S v.
@@ -70,7 +70,7 @@ class Smoother:
 
     def motion(self, segment: Segment) -> Motion:
         """q, v and u of a segment."""
-        dt, h = segment.step, self.half
+        dt, h = segment.step, self.half + 1
         level, slope = self._kernels(segment)
         count = len(segment)
         inside = slice(h, count - h)
@@ -103,13 +103,16 @@ class Smoother:
         return np.asarray(np.sqrt(np.mean(np.einsum("tii->ti", covariance), axis=0)))
 
     def _kernels(self, segment: Segment) -> tuple[Floats, Floats]:
-        """That smooth, and that differentiate."""
-        size = 2 * self.half + 1
-        level, slope = (savgol_coeffs(size, 2, deriv=d, delta=segment.step, use="dot") for d in (0, 1))
-        return level, slope
+        """That smooth, and that differentiate: what they give has passed the same filter, as the voltages have.
+
+        A difference over two samples is the mean of the rate over them; rates and voltages are averaged alike.
+        """
+        kernel = savgol_coeffs(2 * self.half + 1, 2, use="dot")
+        difference = np.array([-0.5, 0.0, 0.5]) / segment.step
+        return np.convolve(kernel, [0.25, 0.5, 0.25]), np.convolve(kernel, difference)
 
     def smoothed(self, segment: Segment) -> Floats:
-        """The voltages (T, n_u) through the same kernel; at a sample they are between those held before and after."""
+        """The voltages (T, n_u) through the same filter: the mean of those held before and after a sample, smoothed."""
         held = segment.u.copy()
         held[1:] = 0.5 * (segment.u[1:] + segment.u[:-1])
         u, kernel = np.zeros_like(held), savgol_coeffs(2 * self.half + 1, 2, use="dot")

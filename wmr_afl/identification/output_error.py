@@ -19,7 +19,7 @@ from wmr_afl.errors import SimulationError
 from wmr_afl.identification.estimate import Estimate, Prior, jackknife
 from wmr_afl.identification.motion import Motion, Smoother
 from wmr_afl.identification.noise import is_new
-from wmr_afl.identification.simulated import Simulated, told
+from wmr_afl.identification.simulated import FINEST, SUBSTEP, Simulated, told
 from wmr_afl.numerics.arrays import Floats
 
 WINDOW = 1.0  # [s]
@@ -27,7 +27,8 @@ LOOSE = 0.2  # of a velocity's root mean square, by which that of a window's sta
 OUTLIER = 3.0  # medians, beyond which a window counts less
 ROUNDS = 12
 TRIES = 5  # of a step, with more and more damping
-SEARCHES = 3  # with other weights of the channels, at most
+SEARCHES = 4  # more with finer steps or other weights of the channels, at most
+FINE = 0.3  # of the noise, by which halving the steps may change what is foretold
 ALIKE = 1.5  # times what it is taken for, that is left of a channel
 _DONE = 3e-4  # of the cost, by which a round has to lessen it
 _DIFFERENCE = 1e-4  # of a number, for its sensitivity
@@ -117,6 +118,7 @@ def windows_of(motions: Sequence[Motion], seconds: float, periods: Floats) -> li
 class SimulatedEstimate(Estimate):
     """With what only output error tells."""
 
+    cost: float = np.nan  # root mean square of what is left of the windows, in units of the noise
     left: Floats = field(default_factory=lambda: np.empty(0))  # (channels,), root mean square in their units
 
 
@@ -149,6 +151,7 @@ class OutputError:
         self.weight = np.concatenate([windows.weight for windows in self.windows]) ** 2
         v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
         self.start_spread = LOOSE * np.sqrt(np.mean(v0**2, axis=0)) + 1e-9
+        self.substep, self.error = SUBSTEP, self.noise
         self.samples = sum(int(windows.is_new[:, 1:, self.used].sum()) for windows in self.windows)
 
     def fit(self, start: Floats, rounds: int = ROUNDS) -> SimulatedEstimate:
@@ -163,11 +166,34 @@ class OutputError:
         self.error = self.noise
         found = self._search(start, rounds)
         for _ in range(SEARCHES):
-            if np.all(found.left < ALIKE * self.error):
+            before, is_fine = found, self._is_fine(found.unknown)
+            explains = np.all(found.left < ALIKE * self.error)
+            if is_fine and explains:
                 break
-            self.error = np.maximum(self.noise, found.left)
+            if not is_fine:
+                self.substep *= 0.5
+            if not explains:
+                self.error = np.maximum(self.noise, found.left)
             found = self._search(found.unknown, rounds)
+            if explains and not found.cost < 0.95 * before.cost:
+                break  # finer steps do not help: what is left is something else
         return found
+
+    def _is_fine(self, unknown: Floats) -> bool:
+        """Whether steps of half the length give the same, compared with what is taken for noise."""
+        if self.substep <= FINEST:
+            return True
+        worst, coarse = 0.0, self.substep
+        for windows in self.windows:
+            part = windows.part(slice(None, None, max(1, len(windows) // 60)))
+            numbers = np.repeat(unknown[None, self.prior.is_free], len(part), axis=0)
+            seen = []
+            for self.substep in (coarse, 0.5 * coarse):
+                seen.append(self._simulated(numbers, part.x0, part.u, part.step) / self.error)
+            self.substep = coarse
+            apart = np.sqrt(np.mean((seen[1] - seen[0]) ** 2, axis=(0, 1)))
+            worst = max(worst, float(np.max(apart)))
+        return worst < FINE
 
     def misfit(self, estimate: Estimate) -> float:
         """What an estimate leaves of these windows, over the noise; first velocities and offsets at their best."""
@@ -307,7 +333,7 @@ class OutputError:
 
     def _simulated(self, numbers: Floats, x0: Floats, u: Floats, step: float) -> Floats:
         """The used channels (N, K+1, .) of motions from x0 (N, 2n-m) under u (N, K, n_u), less where they begin."""
-        states = Simulated(self.effort, step).states(self.prior.whole(numbers), x0, u)
+        states = Simulated(self.effort, step, self.substep).states(self.prior.whole(numbers), x0, u)
         every = told(self.effort, self.channels, states.transpose(1, 0, 2).reshape(states.shape[1], -1))
         every = every.reshape(len(states), len(x0), -1).transpose(1, 0, 2)
         return np.asarray(every - every[:, :1])

@@ -16,6 +16,7 @@ from wmr_afl.plant.integrators import rk4
 from wmr_afl.simulation.kernels.c_compiler import compiler, library
 
 SUBSTEP = 0.01  # [s], of the Runge-Kutta steps at most
+FINEST = 0.0025  # [s], however steep friction is
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,7 @@ class Simulated:
 
     effort: Effort
     step: float  # sample time [s]
+    substep: float = SUBSTEP  # [s], of the Runge-Kutta steps at most
 
     def states(self, unknown: Floats, x0: Floats, u: Floats) -> Floats:
         """States [q; v; motors' angles] (K+1, size, N) from x0 (N, 2n-m) under u (N, K, n_u) [V].
@@ -41,14 +43,14 @@ class Simulated:
     @property
     def _sample(self) -> ca.Function:
         """(state, u, unknown) -> the state one sample later."""
-        return _compiled(_sample(self.effort, self.step))
+        return _compiled(_sample(self.effort, self.step, self.substep))
 
 
-def _sample(effort: Effort, step: float) -> ca.Function:
+def _sample(effort: Effort, step: float, substep: float) -> ca.Function:
     size, inputs = effort.n + effort.n_v, len(effort.model.input_units)
     state, u = ca.SX.sym("state", size + inputs), ca.SX.sym("u", inputs)
     unknown = ca.SX.sym("unknown", len(effort.units))
-    substeps = max(1, int(np.ceil(step / SUBSTEP - 1e-9)))
+    substeps = max(1, int(np.ceil(step / substep - 1e-9)))
     h, now = step / substeps, state
     for _ in range(substeps):
         friction = effort.holding(now[:size], u, unknown, h)

@@ -1,0 +1,257 @@
+"""Estimates against the robots that were driven, and against plain linear algebra."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.wmr_afl.identification.rehearsed import ROBOTS, RUBS, driven, effort_of, logged, truth
+from wmr_afl import WmrError
+from wmr_afl.identification.dead_time import dead_time
+from wmr_afl.identification.effort import Effort
+from wmr_afl.identification.estimate import Estimate, jackknife, prior_of
+from wmr_afl.identification.held_out import foretold, score, split
+from wmr_afl.identification.identify import identify
+from wmr_afl.identification.motion import Smoother
+from wmr_afl.identification.output_error import OutputError, delayed, windows_of
+from wmr_afl.identification.physical import physical
+from wmr_afl.identification.recording import Sensors, record
+from wmr_afl.identification.simulated import Simulated
+from wmr_afl.identification.weak_form import WeakForm, bump
+
+
+def exact(robot: str) -> tuple[Smoother, list]:
+    """A drive that was measured exactly."""
+    log = driven(robot).log(Sensors(encoder=0.0, joint=0.0, gyro=0.0))
+    ones = np.ones(len(log.channels))
+    smoother = Smoother(effort_of(robot), log.channels, np.full(len(ones), 1e-4), ones, 3)
+    return smoother, [smoother.motion(segment) for segment in log.segments]
+
+
+def off(robot: str, found: np.ndarray) -> np.ndarray:
+    """By how much numbers are off, as a share of what they bring about (of the largest such share at most)."""
+    return (found - truth(robot)) / truth(robot)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_weak_form_finds_the_robot(robot: str) -> None:
+    """Within a few per cent of the voltages that it explains, from the first seconds of a drive."""
+    smoother, motions = exact(robot)
+    effort = smoother.effort
+    form = WeakForm(effort, prior_of(effort, 10.0), 0.24, tuple(range(effort.n_v)))
+    found = form.estimate(motions)
+    assert found.left < 0.03
+    big = found.share > 0.1
+    assert np.all(np.abs(off(robot, found.unknown))[big] < 0.1)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_output_error_finds_the_robot(robot: str) -> None:
+    """From 12 s of encoders and a noisy gyroscope, without touching its start: what is told is within its interval."""
+    made = identify(effort_of(robot).model, logged(robot, seed=3), coulomb="each")
+    found, true = made.estimate, truth(robot)
+    assert made.cost is not None
+    assert made.cost < 2.0
+    assert found.method == "output error"
+    told = np.array([name not in made.undetermined for name in made.names])
+    assert told.sum() >= 0.5 * len(told)
+    missed = np.abs(found.unknown - true)[told]
+    assert np.all(missed < 4.0 * found.interval[told] + 3e-3 * np.abs(true[told]))
+    assert np.median(missed / np.abs(true[told])) < 0.01
+
+
+def test_windows_that_are_left_out_give_the_spread() -> None:
+    """The jackknife is what leaving each cluster out and solving again gives, around the estimate."""
+    random = np.random.default_rng(2)
+    a, b = random.normal(size=(8, 12, 3)), random.normal(size=(8, 12))
+    whole = np.linalg.lstsq(a.reshape(-1, 3), b.ravel(), rcond=None)[0]
+    left = b - a @ whole
+    moved = []
+    for k in range(8):
+        kept = [i for i in range(8) if i != k]
+        moved.append(np.linalg.lstsq(a[kept].reshape(-1, 3), b[kept].ravel(), rcond=None)[0] - whole)
+    expected = 7 / 8 * np.transpose(moved) @ np.array(moved)
+    found = jackknife(np.einsum("wki,wkj->wij", a, a), np.einsum("wki,wk->wi", a, left), np.zeros(3))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_a_number_that_no_window_tells_has_the_spread_of_the_description() -> None:
+    """Neither none nor any."""
+    normals, slopes = np.zeros((5, 2, 2)), np.zeros((5, 2))
+    normals[:, 0, 0] = 1.0
+    spread = np.sqrt(np.diag(jackknife(normals, slopes, np.array([0.04, 0.04]))))
+    assert spread[1] == pytest.approx(5.0)
+    assert spread[0] < 0.1
+
+
+def test_a_test_function_ends_smoothly() -> None:
+    """It is zero at its ends with its slope, and its slope is its derivative."""
+    psi, slope = bump(200)
+    assert abs(psi[0]) < 1e-5
+    assert abs(slope[0]) < 1e-5
+    np.testing.assert_allclose(np.gradient(psi)[1:-1], slope[1:-1], atol=1e-6)
+
+
+@pytest.mark.parametrize(("delay", "share"), [(0.0, [3.0]), (0.02, [2.0]), (0.005, [2.75]), (-0.02, [4.0])])
+def test_a_delayed_voltage_is_the_mean_over_the_sample(delay: float, share: list[float]) -> None:
+    """Of what is held then; forwards and backwards."""
+    u = np.arange(6.0)[:, None]
+    assert delayed(u, delay, 0.02)[3] == pytest.approx(share)
+
+
+@pytest.mark.parametrize("samples", [0, 1, 3, -1])
+def test_a_time_offset_is_found(samples: int) -> None:
+    """Of voltages that stand in the wrong row."""
+    log = logged("type_2_0")
+    moved = log.of([replace(one, u=np.roll(one.u, -samples, axis=0)) for one in log.segments])
+    ones = np.ones(3)
+    smoother = Smoother(effort_of("type_2_0"), log.channels, np.array([1e-3, 1e-3, 1e-2]), ones, 3)
+    form = WeakForm(smoother.effort, prior_of(smoother.effort, 10.0), 0.24, (0, 1))
+    found, gain = dead_time(smoother, [smoother.motion(one) for one in moved.segments], form, 1.0)
+    assert found == pytest.approx(0.02 * samples, abs=0.004)
+    assert (gain > 0.3) == (samples != 0)
+
+
+def test_a_delay_that_is_given_mends_it() -> None:
+    """The numbers are those of the log that is right."""
+    log = logged("type_2_0")
+    moved = log.of([replace(one, u=np.roll(one.u, -2, axis=0)) for one in log.segments])
+    model = effort_of("type_2_0").model
+    right, late, mended = (
+        identify(model, one, delay=delay) for one, delay in ((log, 0.0), (moved, 0.0), (moved, 0.04))
+    )
+    assert np.abs(late.estimate.unknown / right.estimate.unknown - 1.0).max() > 0.05
+    np.testing.assert_allclose(mended.estimate.unknown, right.estimate.unknown, rtol=0.01)
+    assert any("answer 40 ms later" in str(check) or "answer 39 ms later" in str(check) for check in late.checks)
+
+
+@pytest.mark.parametrize("robot", ["type_2_0", "car", "mecanum"])
+def test_physical_parameters_bring_back_the_base_parameters(robot: str) -> None:
+    """From a description that is off by factors; masses and gains together stay as they were described."""
+    effort = effort_of(robot)
+    names = list(effort.model.parameter_units)
+    described = effort.p.copy()
+    random = np.random.default_rng(4)
+    for k in effort.sought:
+        described[k] *= random.uniform(0.7, 1.4)
+    own = Effort(effort.model, described, "none")
+    true = effort.base(effort.p)
+    estimate = Estimate("exact", true, np.diag((1e-4 * true) ** 2))
+    found = physical(own, estimate)
+    np.testing.assert_allclose(effort.base(found.p), true, rtol=0.02)
+    assert not found.is_contradiction
+    assert found.chi2 < 1.0
+    assert np.all(found.p[[k for k in effort.sought if not effort.is_length[k]]] > 0.0)
+    assert set(found.uncertain) == {names[k] for k in effort.sought}
+    far = Estimate("impossible", np.where(np.arange(len(true)) == 0, -true, true), np.diag((1e-3 * true) ** 2))
+    assert physical(own, far).is_contradiction
+
+
+def test_what_no_voltage_tells_stays_as_described() -> None:
+    """The scale of masses and gains together: half of it in the description gives half of it."""
+    effort = effort_of("type_2_0")
+    names = list(effort.model.parameter_units)
+    scaled = effort.p.copy()
+    for k, name in enumerate(names):
+        if name[0] in "mIK":
+            scaled[k] *= 2.0
+    true = effort.base(effort.p)
+    estimate = Estimate("exact", true, np.diag((1e-4 * true) ** 2))
+    found = physical(Effort(effort.model, scaled, "none"), estimate)
+    np.testing.assert_allclose(found.p, scaled, rtol=1e-3)
+
+
+def test_held_out_parts_are_foretold() -> None:
+    """By the truth nearly wholly, by another robot less; nothing of what is held out is in what is kept."""
+    log = logged("type_2_0")
+    kept, held = split(log, 0.25)
+    assert kept.duration + held.duration == pytest.approx(log.duration)
+    assert held.segments[0].start == pytest.approx(9.0)
+    smoother, _ = exact("type_2_0")
+    motions = [smoother.motion(one) for one in held.segments]
+    true = Estimate("truth", truth("type_2_0"), np.zeros((8, 8)))
+    heavier = replace(true, unknown=true.unknown * np.array([2.0, 1, 1, 2.0, 1, 1, 1, 1]))
+    best, other = (score(smoother.effort, motions, one) for one in (true, heavier))
+    assert best.overall > 97.0
+    assert other.overall < best.overall - 5.0
+    assert np.all(best.each > 95.0)
+    rows, v = foretold(smoother.effort, motions[0], true)
+    assert len(rows) == len(v)
+    windows = windows_of(motions, 1.0, np.ones(3))
+    search = OutputError(smoother, windows, prior_of(smoother.effort, 10.0))
+    assert search.misfit(true) < 0.5 * search.misfit(heavier)
+
+
+def test_segments_are_held_out_by_name() -> None:
+    """All of that name; short tests as a whole, the last of them."""
+    log = logged("type_2_0", 6.0)
+    parts = [replace(log.segments[0], name=name, start=10.0 * k) for k, name in enumerate("abcd")]
+    four = log.of(parts)
+    kept, held = split(four, "b")
+    assert [one.name for one in kept.segments] == ["a", "c", "d"]
+    assert [one.name for one in held.segments] == ["b"]
+    kept, held = split(four, 0.3)
+    assert [one.name for one in held.segments] == ["d"]
+    for wrong in ("e", 0.0, 0.9):
+        with pytest.raises(WmrError, match="hold_out"):
+            split(four, wrong)
+    with pytest.raises(WmrError, match="is the whole log"):
+        split(log.of(parts[:1]), "a")
+
+
+@pytest.mark.parametrize("robot", ["type_2_0", "type_1_2", "mecanum", "tractor_trailer"])
+def test_many_motions_are_as_each_alone(robot: str) -> None:
+    """The simulation of windows, against a drive of the robot that was sampled finely."""
+    made = driven(robot, 2.0)
+    effort = effort_of(robot)
+    count, size = 50, effort.n + effort.n_v
+    u = np.repeat(made.applied[None, :count], 3, axis=0)
+    unknown = np.repeat(truth(robot)[None], 3, axis=0)
+    states = Simulated(effort, 0.02).states(unknown, np.repeat(made.state[:1], 3, axis=0), u)
+    np.testing.assert_array_equal(states[:, :, 0], states[:, :, 2])
+    scale = np.abs(made.state[: count + 1]).max(axis=0) + 0.05
+    assert np.abs((states[:, :size, 0] - made.state[: count + 1]) / scale).max() < 0.02
+    angles = made.angles[: count + 1]
+    assert np.abs(states[:, size:, 0] - angles).max() < 0.02 * np.abs(angles).max() + 1e-3
+
+
+def test_a_log_of_an_experiment_is_the_run(tmp_path: object) -> None:
+    """The state at each sample is the run's, but for finer steps; the same seed gives the same log."""
+    sensors = Sensors(encoder=0.0, joint=0.0, gyro=0.0, measured=("x", "v", "omega"))
+    log = record("track_type_2_0", seconds=2.0, sensors=sensors)
+    from wmr_afl.experiments.load import load_experiment
+    from wmr_afl.simulation.simulate import simulate
+
+    run = simulate(next(iter(load_experiment("track_type_2_0").loops.values())), 2.0)
+    rows = len(log.segments[0])
+    names = list(run.model.state_units)
+    expected = run.state[:rows, [names.index(name) for name in ("x", "v", "omega")]]
+    np.testing.assert_allclose(log.segments[0].z, expected, atol=0.02)
+    np.testing.assert_allclose(log.segments[0].u, run.input[:rows], atol=1e-9)
+    one, two, other = (record("track_type_2_0", seconds=1.0, sensors=Sensors(seed=seed)) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(one.segments[0].z, two.segments[0].z)
+    assert not np.array_equal(one.segments[0].z, other.segments[0].z)
+
+
+def test_encoders_count_steps() -> None:
+    """What is written is a multiple of a step, and no more than one off."""
+    made = driven("type_2_0", 3.0)
+    z = made.log(Sensors(encoder=500.0)).segments[0].z[:, :2]
+    step = 2.0 * np.pi / 500.0
+    np.testing.assert_allclose(z / step, np.round(z / step), atol=1e-9)
+    assert np.all((made.angles - z >= -1e-12) & (made.angles - z < step))
+    every = made.log(Sensors(every=5)).segments[0]
+    assert every.step == pytest.approx(0.1)
+    assert len(every) == len(made.log(Sensors()).segments[0]) // 5
+
+
+def test_it_prints_what_it_found() -> None:
+    """Verdict, checks, every number with its interval, and a guess that can be pasted."""
+    made = identify(effort_of("type_2_0").model, logged("type_2_0"))
+    text = str(made)
+    for wanted in ("foretells", "encoders against other sensors", "pi1", "coulomb_u_r", "guess = { d = "):
+        assert wanted in text
+    assert repr(made).startswith("<Identified type_2_0: output error: leaves ")
+    assert made.estimate.unknown[-1] == pytest.approx(RUBS, rel=0.1)

@@ -1,0 +1,238 @@
+"""From columns to a motion: grids, units, noise, smoothing, and what a log does wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.wmr_afl.identification.rehearsed import ROBOTS, driven, effort_of, logged
+from wmr_afl import WmrError, load_model
+from wmr_afl.identification.checks import check_input, dead_encoders, findings, missing_motions, updates
+from wmr_afl.identification.log import Log, log_of
+from wmr_afl.identification.log_file import read_log, read_logs, write_log
+from wmr_afl.identification.motion import Motion, Smoother, half_width, with_rest
+from wmr_afl.identification.noise import quantum, standard_deviations
+from wmr_afl.identification.recording import Sensors
+
+UNICYCLE = load_model("type_2_0")
+
+
+def smoother_of(log: Log, robot: str, half: int = 3) -> Smoother:
+    periods = updates(log)
+    return Smoother(effort_of(robot), log.channels, standard_deviations(log, periods), periods, half)
+
+
+def motions_of(smoother: Smoother, log: Log) -> list[Motion]:
+    return [smoother.motion(segment) for segment in log.segments]
+
+
+def simple(time: np.ndarray, **columns: np.ndarray) -> Log:
+    measured = {"angle:u_r": np.sin(time), "angle:u_l": np.cos(time)} | columns
+    return log_of(UNICYCLE, time, np.ones((len(time), 2)), measured)
+
+
+def test_rows_come_to_lie_on_a_grid() -> None:
+    """Jitter is evened out; a gap begins another segment; voltages are held, not averaged."""
+    random = np.random.default_rng(0)
+    time = 0.02 * np.arange(200) + random.uniform(-0.002, 0.002, 200)
+    u = np.repeat(np.arange(20.0), 10)[:, None] * np.ones(2)
+    log = log_of(UNICYCLE, time, u, {"angle:u_r": 3.0 * time, "angle:u_l": time})
+    (segment,) = log.segments
+    np.testing.assert_allclose(segment.z[:, 0], 3.0 * segment.time, atol=1e-12)
+    assert set(np.unique(segment.u)) <= set(np.arange(20.0))
+    assert abs(segment.step - 0.02) < 1e-4
+    two = simple(np.concatenate([0.02 * np.arange(50), 3.0 + 0.02 * np.arange(60)]))
+    assert [len(one) for one in two.segments] == [50, 60]
+    assert abs(two.duration - 110 * 0.02) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("time", "told"),
+    [
+        (np.array([0.0, 0.1, 0.2, 0.2, 0.3]), "time stands still at t = 0.2 s (row 4)"),
+        (np.array([0.0, 0.1, 0.2, 0.1, 0.3]), "time goes backwards at t = 0.1 s (row 4)"),
+        (np.array([0.0, 0.1, 0.2, np.nan, 0.3]), "row 4 of the log holds what is not a finite number"),
+        (np.cumsum(np.tile([0.01, 0.024], 40)), "too irregular"),
+    ],
+    ids=["still", "backwards", "NaN", "irregular"],
+)
+def test_time_goes_on(time: np.ndarray, told: str) -> None:
+    """Or it is said where it does not."""
+    with pytest.raises(WmrError) as error:
+        simple(time)
+    assert told in str(error.value)
+
+
+def test_a_log_is_what_was_written(tmp_path: Path) -> None:
+    """Channels, segments and numbers; units may stand behind names; runs as `simulate` writes them are logs."""
+    log = driven("car", 3.0).log(Sensors(), "first")
+    log = log.of([*log.segments, replace(log.segments[0], name="second", start=10.0)])
+    write_log(log, tmp_path / "log.csv", about=["a drive"])
+    again = read_log(log.model, tmp_path / "log.csv")
+    assert [one.name for one in again.segments] == ["first", "second"]
+    assert again.channels == log.channels
+    for one, other in zip(again.segments, log.segments, strict=True):
+        np.testing.assert_allclose(one.z, other.z, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(one.u, other.u, rtol=1e-9, atol=1e-12)
+    assert read_logs(log.model, [tmp_path / "log.csv"] * 2).duration == pytest.approx(2.0 * log.duration)
+    text = "time [s],x [m],phi [rad],v [m/s],u_r [V],u_l [V],command_u_r [V],error_y1 [m],estimate_theta1 [1/s]\n"
+    text += "".join(f"{0.02 * k},0,0,1,1,1,1,0,0\n" for k in range(20))
+    (tmp_path / "run.csv").write_text(text)
+    assert [one.name for one in read_log(UNICYCLE, tmp_path / "run.csv").channels] == ["x", "phi", "v"]
+
+
+@pytest.mark.parametrize("step", [2 * np.pi / 2048, 0.01, 0.0])
+def test_the_step_of_an_encoder_is_read_off(step: float) -> None:
+    """From its smallest changes; a channel without steps has none, and its noise is what smoothing takes away."""
+    time = 0.02 * np.arange(2000)
+    column = 3.0 * np.sin(time) + 2.0 * np.sin(2.7 * time)
+    if step:
+        found = np.floor(column / step) * step
+        assert quantum(np.round(found, 6)) == pytest.approx(step, rel=1e-2)
+        return
+    noisy = column + 1e-3 * np.random.default_rng(0).standard_normal(len(column))
+    assert quantum(noisy) == 0.0
+    log = log_of(UNICYCLE, time, np.ones((len(time), 2)), {"angle:u_r": noisy, "angle:u_l": noisy})
+    np.testing.assert_allclose(standard_deviations(log, np.ones(2)), 1e-3, rtol=0.1)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_smoothing_gives_the_state(robot: str) -> None:
+    """q and v of a drive that was measured exactly, but for coordinates that do not matter."""
+    made = driven(robot, 6.0, rubs=0.0)
+    log = made.log(Sensors(encoder=0.0, joint=0.0, gyro=0.0))
+    smoother = smoother_of(log, robot)
+    (motion,) = motions_of(smoother, log)
+    effort = smoother.effort
+    matter = [i for i in range(effort.n) if not effort.cyclic[i]] + list(range(effort.n, effort.n + effort.n_v))
+    size = np.abs(made.state).max(axis=0)[matter]
+    missed = np.abs(motion.x - made.state)[motion.ok][:, matter]
+    assert np.all(np.sqrt(np.mean(missed**2, axis=0)) < 0.02 * size)
+
+
+def test_a_joint_without_a_column_is_followed() -> None:
+    """By what the other columns say of its rate; how it stood at the start nobody knows."""
+    made = driven("car", 6.0, rubs=0.0)
+    log = made.log(Sensors(encoder=0.0, gyro=0.0, measured=("angle:u_drive", "angle:u_steer")))
+    smoother = smoother_of(log, "car")
+    (motion,) = motions_of(smoother, log)
+    joint = [i for i in range(smoother.effort.n) if not smoother.effort.cyclic[i]]
+    missed = (motion.x - made.state)[motion.ok][:, joint]
+    assert np.abs(missed - missed[0]).max() < 0.1
+
+
+def test_positions_count_only_with_the_heading() -> None:
+    """x and y say nothing of v where nobody knows the heading."""
+    made = driven("type_2_0", 3.0)
+    for measured, used in ((("x", "y", "phi"), 3), (("x", "y", "angle:u_r", "angle:u_l"), 2)):
+        log = made.log(Sensors(measured=measured))
+        assert smoother_of(log, "type_2_0").used.sum() == used
+
+
+def test_columns_that_do_not_suffice_are_told() -> None:
+    """One encoder of two does not tell how a robot turns."""
+    log = driven("type_2_0", 3.0).log(Sensors(measured=("angle:u_r",)))
+    with pytest.raises(WmrError, match=r"angle:u_r determine 1 of 2 pseudo-velocities; add the encoders of all motors"):
+        smoother_of(log, "type_2_0")
+
+
+def test_a_test_from_rest_gets_rest_in_front() -> None:
+    """Half a second, so that its transient is not cut off."""
+    log = driven("type_2_0", 3.0).log(Sensors(gyro=0.0))
+    segment = log.segments[0]
+    still = replace(segment, u=np.vstack([np.zeros((3, 2)), segment.u]), z=np.vstack([segment.z[:1]] * 3 + [segment.z]))
+    rates = np.array([one.is_rate for one in log.channels])
+    assert len(with_rest(still, rates)) == len(still) + 25
+    assert with_rest(still, rates).start == pytest.approx(still.start - 0.5)
+    assert with_rest(segment, rates) is segment or len(with_rest(segment, rates)) == len(segment) + 25
+
+
+def text_of(log: Log, robot: str = "type_2_0") -> str:
+    """What the checks say of a log."""
+    smoother = smoother_of(log, robot)
+    return "\n".join(map(str, findings(smoother, log, motions_of(smoother, log), smoother.periods)))
+
+
+def changed(log: Log, **columns: float) -> Log:
+    """Columns times a number."""
+    factors = np.array([columns.get(one.name.replace(":", "_"), 1.0) for one in log.channels])
+    return log.of([replace(one, z=one.z * factors) for one in log.segments])
+
+
+@pytest.mark.parametrize(
+    ("factor", "told"),
+    [
+        (1.0, "rate:phi agrees to"),
+        (-1.0, "rate:phi runs against the encoders (by a factor of -1.0"),
+        (1.05, "rate:phi moves +5."),
+        (180.0 / np.pi, "convert rate:phi to rad"),
+    ],
+)
+def test_a_gyroscope_is_held_against_the_encoders(factor: float, told: str) -> None:
+    """Its sign, its unit, its size."""
+    assert told in text_of(changed(logged("type_2_0"), rate_phi=factor))
+
+
+def test_values_that_only_repeat_are_told() -> None:
+    """A log that is written more often than anything is measured; smoothing then spans two updates."""
+    log = logged("type_2_0")
+    rows = np.arange(len(log.segments[0])) // 4 * 4
+    slow = log.of([replace(log.segments[0], z=log.segments[0].z[rows])])
+    np.testing.assert_allclose(updates(slow), 4.0, rtol=0.1)
+    np.testing.assert_array_equal(updates(log), 1.0)
+    assert "angle:u_r changes every 4.0 samples only" in text_of(slow)
+    assert half_width(slow, updates(slow)) == 8
+    assert half_width(log, updates(log)) == 3
+
+
+def test_a_dead_encoder_is_told() -> None:
+    """One that stands still although its motor has voltage; not one of a motor without."""
+    log = logged("type_2_0")
+    dead = changed(log, angle_u_l=0.0)
+    assert dead_encoders(dead) == [1]
+    assert dead_encoders(log) == []
+    without = dead.of([replace(one, u=one.u * [1.0, 0.0]) for one in dead.segments])
+    assert dead_encoders(without) == []
+
+
+def test_voltages_that_are_alike_were_commanded() -> None:
+    """To the last digit on both sides."""
+    log = logged("type_2_0")
+    same = log.of([replace(one, u=one.u[:, :1] * [1.0, -1.0]) for one in log.segments])
+    assert "u_r and u_l are alike to the last digit: commanded, not measured" in text_of(same)
+    assert "commanded, not measured" not in text_of(log)
+
+
+def test_a_motion_that_is_missing_is_named() -> None:
+    """Straight driving tells nothing of turning."""
+    log = logged("type_2_0")
+    smoother = smoother_of(log, "type_2_0")
+    assert missing_motions(smoother, motions_of(smoother, log)) == []
+    straight = log.of([replace(one, z=one.z[:, [0, 0, 2]] * [1.0, 1.0, 0.0]) for one in log.segments])
+    assert missing_motions(smoother, motions_of(smoother, straight)) == ["omega"]
+
+
+@pytest.mark.parametrize(
+    ("u", "z", "told"),
+    [
+        (np.ones((400, 2)), 1.0, "the voltages never change"),
+        (np.zeros((400, 2)), 1.0, "the motors never have any voltage"),
+        (None, 0.0, "the robot never moves"),
+        (np.sign(np.sin(0.1 * np.arange(400)) + 0.01)[:, None] * np.full(2, 12.0), 1.0, "at their largest (12, 12 V)"),
+    ],
+    ids=["constant", "none", "rest", "saturated"],
+)
+def test_a_log_that_tells_nothing_is_refused(u: np.ndarray | None, z: float, told: str) -> None:
+    """And what would be better is said."""
+    log = logged("type_2_0", 8.0)
+    segment = log.segments[0]
+    other = log.of([replace(segment, u=segment.u if u is None else u, z=z * segment.z)])
+    with pytest.raises(WmrError) as error:
+        check_input(other, standard_deviations(log, np.ones(3)))
+    assert told in str(error.value)
+    check_input(log, standard_deviations(log, np.ones(3)))
+    with pytest.raises(WmrError, match="the log lasts"):
+        check_input(log.of([segment.part(0, 50)]), standard_deviations(log, np.ones(3)))

@@ -26,6 +26,7 @@ from wmr_afl.errors import (
 from wmr_afl.experiments.campaigns import CampaignResult, campaign, compare, replay
 from wmr_afl.experiments.experiment import list_experiments
 from wmr_afl.experiments.run import run, run_batch
+from wmr_afl.identification.voltage_design import excite
 from wmr_afl.model.derivation import derive
 from wmr_afl.model.files import list_models
 from wmr_afl.model.model import Model, load_model
@@ -66,6 +67,7 @@ __all__ = [
     "campaign",
     "compare",
     "derive",
+    "excite",
     "export",
     "generated",
     "list_experiments",

@@ -99,6 +99,10 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
     "Controller.from_experiment": (Controller.from_experiment, lambda w: {"experiment": w.experiment}),
     "Controller.load_state": (Controller.load_state, lambda w: {"self": w.controller}),
     "Controller.update": (Controller.update, lambda w: {"self": w.controller, "t": 0.02, "x": STATE}),
+    "excite": (
+        wmr_afl.excite,
+        lambda w: {"robot": w.model, "volts": 9.0, "room": 2.0, "seconds": 4.0, "frequencies": [0.5]},
+    ),
     "export": (wmr_afl.export, lambda w: {"experiment": w.experiment, "is_unlimited": True, "samples": 2}),
     "Reference": (Reference, lambda w: {"expressions": {"y1": "t"}}),
     "Reference.ordered": (Reference.ordered, lambda w: {"self": w.controller.reference}),
@@ -131,7 +135,7 @@ NOT_CALLED = {
     "list_models",
     "list_experiments",
 }  # results; no argument
-SLOW = {"animate": 2, "overview": 2, "save": 5}  # calls that draw -> how often in the suite
+SLOW = {"animate": 2, "overview": 2, "save": 5, "excite": 4}  # calls that draw or design -> how often in the suite
 ROUNDS = 10  # of the others, for each argument
 ARITHMETIC = ("Reference.at", "Reference.over", "Pieces.at", "Pieces.over")  # where what is not finite goes through
 NOT_THE_PRODUCTS = {  # a function raises what it likes, a scheduler is looked for in the network

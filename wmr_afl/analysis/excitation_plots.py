@@ -17,14 +17,6 @@ OTHERS: dict[str, Any] = {"color": "0.75", "linewidth": 0.6, "zorder": 1}
 GUESSED: dict[str, Any] = {"color": COLOURS[0], "linewidth": 1.3, "zorder": 3}
 
 
-def samples(found: Excitation) -> str:
-    """CSV: time [s], voltages [V] by input, and for each loop `angle_reference:JOINT` [rad]; exact."""
-    header = ["t", *found.inputs, *(f"angle_reference:{loop.joint}" for loop in found.loops)]
-    table = np.column_stack([found.time, found.voltages, *(loop.reference for loop in found.loops)])
-    lines = [header, *(map(repr, row) for row in table.tolist())]
-    return "".join(",".join(line) + "\n" for line in lines)
-
-
 def draw_excitation(found: Excitation) -> Figure:
     """Voltages, and what is limited over time on the left, the path within its walls on the right."""
     names = list(found.limits)

@@ -32,7 +32,7 @@ def excite(
     They are tried on robots whose parameters are up to 30 % off; exit with 1 where one of those breaks a limit.
     """
     from wmr_afl.analysis import plots
-    from wmr_afl.analysis.excitation_plots import draw_excitation, samples
+    from wmr_afl.analysis.excitation_plots import draw_excitation
     from wmr_afl.analysis.files import check_writable, renewed
     from wmr_afl.identification.voltage_design import NOISE
     from wmr_afl.identification.voltage_design import excite as excited
@@ -46,7 +46,7 @@ def excite(
         check_writable(folder)
         found = excited(model, volts, room, limits, seconds, parameters)
         with renewed(folder) as beside:
-            write_whole(beside / "voltages.csv", samples(found))
+            write_whole(beside / "voltages.csv", found.played.text(model))
             plots.save(draw_excitation(found), beside / "excitation")
     table = Table("number", f"deviation at {NOISE:g} V of noise", box=None, header_style="bold")
     for name, deviation in found.deviations.items():
@@ -58,7 +58,7 @@ def excite(
         table.add_row(escape(name), f"{least:.3g}", f"{most:.3g}", f"{lower:.3g} to {upper:.3g}")
     console.print(table)
     for loop in found.loops:
-        error = f"(angle_reference:{loop.joint} - {loop.coordinate})"
+        error = f"(angle_reference:{loop.coordinate} - {loop.coordinate})"
         say(f"drive {loop.motor} with its voltage of the file + {loop.gain:.4g} V/rad {error}, at most {volts:g} V")
     (before, now), (loose, tight) = found.log_determinants, found.conditions
     say(f"log determinant {before:.1f} of a random multisine, {now:.1f} of this; condition {loose:.3g}, {tight:.3g}")

@@ -7,7 +7,7 @@ voltages that were applied, and the state.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -58,11 +58,11 @@ def read_log(model: Model, path: str | Path) -> Log:
         InputError: as `read_logs`.
     """
     file = str(path)
-    names, lines, rows = _table(file)
+    names, lines, rows = table(file)
     plain = [_name(model, name, file) for name in names]
     _check_names(model, plain, file)
-    numbers = _numbers(names, lines, rows, file, text={i for i, name in enumerate(plain) if name == "segment"})
-    columns = dict(zip(plain, numbers.T, strict=True))
+    cells = numbers(names, lines, rows, file, text={i for i, name in enumerate(plain) if name == "segment"})
+    columns = dict(zip(plain, cells.T, strict=True))
     labels = [row[plain.index("segment")].strip() for row in rows] if "segment" in plain else None
     u = np.column_stack([columns[name] for name in model.input_units])
     used = {*TIME, "segment", *model.input_units}
@@ -92,7 +92,7 @@ def write_log(log: Log, path: Path, about: Sequence[str] = ()) -> None:
         raise WmrError(f"{path}: cannot be written ({error.strerror})", "name a file in a writable folder") from None
 
 
-def _table(file: str) -> tuple[list[str], list[int], list[list[str]]]:
+def table(file: str) -> tuple[list[str], list[int], list[list[str]]]:
     """Names of the columns, and number and cells of each line."""
     try:
         with open(0 if file == "-" else file, encoding="utf-8-sig", newline="", closefd=file != "-") as stream:
@@ -158,7 +158,7 @@ def _check_names(model: Model, names: list[str], file: str) -> None:
                 raise InputError(file, "", error.problem, error.remedy) from None
 
 
-def _numbers(names: list[str], lines: list[int], rows: list[list[str]], file: str, text: set[int]) -> Floats:
+def numbers(names: list[str], lines: list[int], rows: list[list[str]], file: str, text: Collection[int] = ()) -> Floats:
     """The cells as numbers; those of text are zero."""
     cells = [["0" if i in text else cell for i, cell in enumerate(row)] for row in rows] if text else rows
     try:

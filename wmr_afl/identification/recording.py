@@ -15,6 +15,7 @@ import numpy as np
 from wmr_afl.errors import SimulationError, WmrError
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.identification.log import Channel, Log, Segment, channel
+from wmr_afl.identification.voltages import Voltages
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
@@ -163,7 +164,8 @@ def record(
 ) -> Log:
     """Record a run of an experiment, or a drive of its robot under other voltages, as its logger would.
 
-    Without `commands` the named controller (the first one if none is named) drives for the experiment's duration.
+    Without `commands` the named controller (the first one if none is named) drives for the experiment's duration;
+    `Voltages`, as `excite` proposes them or `read_voltages` reads them, are played to their end.
 
     Raises:
         UnknownNameError: if there is no such experiment, controller or column.
@@ -172,6 +174,8 @@ def record(
     loaded = load_experiment(experiment)
     loop = loaded.loops[loaded.name(controller)]
     duration = loaded.experiment.simulation.duration if seconds is None else seconds
+    if seconds is None and isinstance(commands, Voltages):
+        duration = float(commands.time[-1])
     samples = round(duration / loop.sample_time)
     if not 2 <= samples <= 10_000_000:
         raise WmrError(f"a log of {duration:g} s has {samples} samples", "choose a duration of some samples")

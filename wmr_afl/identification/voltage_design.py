@@ -30,6 +30,7 @@ from wmr_afl.identification.excursions import (
     substeps,
 )
 from wmr_afl.identification.information import Unknowns, condition, deviations, log_determinant, unknowns
+from wmr_afl.identification.voltages import Loop, Voltages
 from wmr_afl.model.model import Model, load_model
 from wmr_afl.model.plausibility import check_robots
 from wmr_afl.numerics.arguments import checked, real_numbers
@@ -107,6 +108,16 @@ class Excitation:
     def sample_time(self) -> float:
         """[s]."""
         return float(self.time[1] - self.time[0])
+
+    @property
+    def played(self) -> Voltages:
+        """What to play: voltages, and loops around angles."""
+        loops = (
+            Loop(self.inputs.index(one.motor), self.states.index(one.coordinate), np.full(len(self.time), one.gain),
+                 one.reference)
+            for one in self.loops
+        )  # fmt: skip
+        return Voltages(self.time, self.voltages, tuple(loops))
 
     @property
     def excursions(self) -> dict[str, tuple[float, float]]:

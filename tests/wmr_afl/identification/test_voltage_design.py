@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 
 import wmr_afl
 from tests.derive.descriptions import derived, motor, robot, steered, wheel
-from wmr_afl.analysis.excitation_plots import samples
 from wmr_afl.cli import app, terminal
 from wmr_afl.identification import voltage_design
 from wmr_afl.identification.excursions import SPREAD, moved, others, space_of, substeps
@@ -241,7 +240,8 @@ def test_the_loop_brings_angles_to_their_references(name: str) -> None:
 
 def test_the_same_arguments_give_the_same_bytes() -> None:
     one, other = designed("type_1_1"), excite("type_1_1", *CASES["type_1_1"], **FEW)
-    assert samples(one) == samples(other)
+    model = wmr_afl.load_model(one.robot)
+    assert one.played.text(model) == other.played.text(model)
     assert one.tried.tobytes() == other.tried.tobytes()
     assert str(one) == str(other)
 
@@ -333,10 +333,11 @@ def test_the_verb_writes_what_is_driven(tmp_path: Path, monkeypatch: pytest.Monk
     assert asked == [("type_1_1", 12.0, 3.0, {"beta": 1.0}, 5.0, {"m": 70.0})]
     with open(tmp_path / "voltages.csv", newline="") as file:
         header, *rows = csv.reader(file)
-    assert header == ["t", "u_drive", "u_steer", "angle_reference:fork"]
+    assert header == ["t", "u_drive", "u_steer", "angle_reference:beta", "gain:u_steer:beta"]
     table = np.array(rows, dtype=float)
     np.testing.assert_array_equal(table[:, 1:3], found.voltages)
     np.testing.assert_array_equal(table[:, 3], found.loops[0].reference)
+    np.testing.assert_array_equal(table[:, 4], found.loops[0].gain)
     np.testing.assert_allclose(np.diff(table[:, 0]), SAMPLE)
     assert found.verdict in done.output
     for name, deviation in found.deviations.items():

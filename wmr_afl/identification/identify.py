@@ -138,6 +138,7 @@ def identify(
     logs: Log | str | Path | Sequence[str | Path],
     *,
     parameters: Mapping[str, ArrayLike] | None = None,
+    guess: Mapping[str, ArrayLike] | None = None,
     hold_out: str | float = 0.3,
     coulomb: Coulomb = "grouped",
     delay: float = 0.0,
@@ -145,7 +146,8 @@ def identify(
 ) -> Identified:
     """Find a robot's parameters from logs of its motors' voltages and its motion.
 
-    `parameters` replace those of the description: lengths that were measured. `hold_out` is the segment, or the share
+    `parameters` replace those of the description and stay: lengths that were measured. `guess` replaces others, from
+    which the search begins and to which what no log tells is left. `hold_out` is the segment, or the share
     of the log, on which the two methods are tried; the better one is then made from the whole log. `delay` [s] is by
     how much the motors answer later than the log says. With `partial` a log may lack a motion: what only that motion
     tells stays as the description has it.
@@ -156,7 +158,7 @@ def identify(
         MissingTermError: if the robot's dynamics are not linear in base parameters.
     """
     model = robot if isinstance(robot, Model) else load_model(robot)
-    p = model.parameters(**dict(parameters or {}))
+    p = model.parameters(**{**(guess or {}), **(parameters or {})})
     effort = Effort(model, np.asarray(p, dtype=float), coulomb, frozenset(parameters or ()))
     files = [logs] if isinstance(logs, str | Path) else logs
     log = files if isinstance(files, Log) else read_logs(model, files)

@@ -22,6 +22,7 @@ from wmr_afl.identification.checks import (
 from wmr_afl.identification.dead_time import CLEAR, dead_time, later
 from wmr_afl.identification.effort import Coulomb, Effort
 from wmr_afl.identification.estimate import Estimate, Prior, prior_of
+from wmr_afl.identification.feedforward import Feedforward, feedforward
 from wmr_afl.identification.held_out import Score, score, split
 from wmr_afl.identification.log import Log
 from wmr_afl.identification.log_file import read_logs
@@ -90,8 +91,14 @@ class Identified:
 
     @property
     def guess(self) -> dict[str, float]:
-        """Those that were sought: the `guess` of a controller in an experiment."""
-        return {name: self.parameters[name] for name in self.physical.uncertain}
+        """Those that were sought or given: the `guess` of a controller in an experiment, which knows the others."""
+        chosen = {*self.physical.uncertain, *self.effort.given} - self.model.known_units.keys()
+        return {name: value for name, value in self.parameters.items() if name in chosen}
+
+    @property
+    def feedforward(self) -> tuple[Feedforward, ...] | None:
+        """kS, kV and kA of a differential drive; None of another robot."""
+        return feedforward(self.effort, self.estimate)
 
     @property
     def verdict(self) -> str:

@@ -1,0 +1,79 @@
+"""What teams with a differential drive tune by hand, read off an estimate: u = kS sgn v + kV v + kA a.
+
+u is the voltage of each motor, v and a are those of the wheels' travel in metres, both wheels alike (driving) or against
+each other (turning). With R u = Y(x, a) pi the voltages of a motion are R^-1 Y pi; their part that is linear in v is
+(Y(v) - Y(-v)) pi/2, centrifugal forces fall out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wmr_afl.identification.effort import Effort
+from wmr_afl.identification.estimate import Estimate
+from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.formulas import numpy_value
+
+MOTIONS = {"driving": (1.0, 1.0), "turning": (-1.0, 1.0)}  # travel of the two wheels
+
+
+@dataclass(frozen=True)
+class Feedforward:
+    """The gains of one motion, as WPILib's SysId names them; of both motors the mean."""
+
+    motion: str
+    kS: float  # noqa: N815, [V]
+    kV: float  # noqa: N815, [V s/m]
+    kA: float  # noqa: N815, [V s^2/m]
+
+    def __str__(self) -> str:
+        return f"{self.motion}: kS = {self.kS:.4g} V, kV = {self.kV:.4g} V s/m, kA = {self.kA:.4g} V s^2/m"
+
+
+def feedforward(effort: Effort, estimate: Estimate) -> tuple[Feedforward, ...] | None:
+    """The gains of driving and of turning, every joint at zero; None if the robot is no differential drive.
+
+    It is one if it has two motors that are alike, each on a wheel, and two pseudo-velocities, of which the wheels' rates
+    and the forces of the voltages follow in the same way everywhere.
+    """
+    radii = _radii(effort)
+    if radii is None or effort.n_v != 2 or effort.ratio_groups:
+        return None
+    q = np.vstack([np.zeros(effort.n), np.random.default_rng(0).normal(size=(4, effort.n))])
+    maps, rates = (np.broadcast_to(one, (len(q), 2, 2)) for one in (effort.map(q), effort.motor_rates(q)))
+    if not (np.allclose(maps, maps[0]) and np.allclose(rates, rates[0])):
+        return None
+    travel = radii[:, None] * rates[0]
+    if min(abs(np.linalg.det(travel)), abs(np.linalg.det(maps[0]))) < 1e-12:
+        return None
+    friction = np.zeros(2)
+    for name, group in effort.friction_groups.items():
+        friction[group] = estimate.unknown[list(effort.units).index(name)]
+    found = []
+    for motion, ways in MOTIONS.items():
+        way = np.array(ways)
+        unit = np.linalg.solve(travel, way)  # v, at which the wheels travel at a metre a second
+        speed, still = np.stack([unit, -unit]), np.zeros((2, 2))
+        ahead, back = _effort(effort, speed, still, estimate)
+        accelerated, at_rest = _effort(effort, still, np.stack([unit, 0.0 * unit]), estimate)
+        volts = np.linalg.solve(maps[0], np.column_stack([0.5 * (ahead - back), accelerated - at_rest]))
+        k_v, k_a = np.mean(way[:, None] * volts, axis=0)
+        found.append(Feedforward(motion, float(friction.mean()), float(k_v), float(k_a)))
+    return tuple(found)
+
+
+def _radii(effort: Effort) -> Floats | None:
+    """The radius of the wheel that each of two motors drives [m]; None if there are others, or one drives a joint."""
+    motors, wheels = effort.model.metadata["motors"], effort.model.metadata["geometry"]["wheels"]
+    if len(motors) != 2 or not all(motor["drives"] in wheels for motor in motors.values()):
+        return None
+    names = dict(zip(effort.model.parameter_units, effort.p, strict=True))
+    return np.array([float(numpy_value(wheels[motor["drives"]]["radius"], names)) for motor in motors.values()])
+
+
+def _effort(effort: Effort, v: Floats, a: Floats, estimate: Estimate) -> Floats:
+    """Y pi (N, n-m) at v and a (N, n-m), without Coulomb friction, every coordinate zero."""
+    x = np.hstack([np.zeros((len(v), effort.n)), v])
+    return np.asarray(effort.model.effort_regressor(x, a, effort.c) @ estimate.unknown[: effort.n_pi])

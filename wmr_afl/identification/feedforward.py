@@ -1,8 +1,8 @@
 """What teams with a differential drive tune by hand, read off an estimate: u = kS sgn v + kV v + kA a.
 
-u is the voltage of each motor, v and a are those of the wheels' travel in metres, both wheels alike (driving) or against
-each other (turning). With R u = Y(x, a) pi the voltages of a motion are R^-1 Y pi; their part that is linear in v is
-(Y(v) - Y(-v)) pi/2, centrifugal forces fall out.
+u is the voltage of each motor, v and a are those of the wheels' travel in metres, both wheels alike (driving) or
+against each other (turning). With R u = Y(x, a) pi the voltages of a motion are R^-1 Y pi; their part that is linear in
+v is R^-1 (Y(v) - Y(-v)) pi/2, in which there are no centrifugal forces.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class Feedforward:
     """The gains of one motion, as WPILib's SysId names them; of both motors the mean."""
 
     motion: str
-    kS: float  # noqa: N815, [V]
-    kV: float  # noqa: N815, [V s/m]
-    kA: float  # noqa: N815, [V s^2/m]
+    kS: float  # [V]
+    kV: float  # [V s/m]
+    kA: float  # [V s^2/m]
 
     def __str__(self) -> str:
         return f"{self.motion}: kS = {self.kS:.4g} V, kV = {self.kV:.4g} V s/m, kA = {self.kA:.4g} V s^2/m"
@@ -35,8 +35,8 @@ class Feedforward:
 def feedforward(effort: Effort, estimate: Estimate) -> tuple[Feedforward, ...] | None:
     """The gains of driving and of turning, every joint at zero; None if the robot is no differential drive.
 
-    It is one if it has two motors that are alike, each on a wheel, and two pseudo-velocities, of which the wheels' rates
-    and the forces of the voltages follow in the same way everywhere.
+    It is one if it has two motors that are alike, each on a wheel, and two pseudo-velocities, whose relation to the
+    wheels' rates and to the voltages is the same everywhere.
     """
     radii = _radii(effort)
     if radii is None or effort.n_v != 2 or effort.ratio_groups:

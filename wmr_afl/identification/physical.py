@@ -63,7 +63,8 @@ def physical(effort: Effort, estimate: Estimate) -> Physical:
         return np.concatenate([missed, z / SPREAD])
 
     found = least_squares(residual, np.zeros(len(sought)), jac="3-point", x_scale="jac", max_nfev=200)
-    left = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac))) / SPREAD
+    _, sizes, directions = np.linalg.svd(found.jac, full_matrices=False)
+    left = np.linalg.norm(directions / sizes[:, None], axis=0) / SPREAD
     chi2 = float(np.mean(residual(found.x)[: len(wanted)] ** 2))
     return Physical(
         p=parameters(found.x),

@@ -118,8 +118,8 @@ def open_ends(found: Identified) -> Iterator[str]:
     formulas = found.effort.formulas
     if found.physical.is_contradiction:
         yield (
-            "A contradiction: no masses, inertias and motor constants above zero give these numbers. Look for a voltage "
-            "or a sensor with the wrong sign, two motors that are swapped, a wheel radius or a track that is far off."
+            "A contradiction: no masses, inertias and motor constants above zero give these numbers. Look for a "
+            "voltage or a sensor of the wrong sign, two motors that are swapped, a wheel radius or a track that is far off."
         )
     if found.undetermined:
         names = ", ".join(f"{name} = {formulas[name]}" for name in found.undetermined)

@@ -124,7 +124,7 @@ WRONG: dict[str, tuple[Callable[[Rows], None], str]] = {
     "no time": (without("t"), "log.csv: column t: is missing; add the time of each row in seconds"),
     "an unknown column": (
         renamed("angle:u_l", "angel:u_l"),
-        f"log.csv: unknown column 'angel:u_l'; did you mean 'angle:u_l'? (there is {COLUMNS})",
+        f"log.csv: unknown column 'angel:u_l'; did you mean 'angle:u_l'? (there is {NAMES})",
     ),
     "degrees": (renamed("angle:u_l", "phi [deg]"), "log.csv: column phi: is in deg; convert it to rad"),
     "nothing measured": (
@@ -322,7 +322,7 @@ def test_a_wrong_sign_is_a_contradiction(drive: Log) -> None:
     wrong = identify(ROBOT, drive.of([replace(segment, u=-segment.u)]), parameters=GEOMETRY)
     assert wrong.physical.is_contradiction
     assert "a contradiction" in wrong.verdict
-    assert any("wrong sign" in text for text in open_ends(wrong))
+    assert any("of the wrong sign" in text for text in open_ends(wrong))
 
 
 def test_what_voltages_cannot_tell_is_said(found: Identified) -> None:

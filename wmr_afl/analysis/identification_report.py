@@ -119,7 +119,7 @@ def open_ends(found: Identified) -> Iterator[str]:
     if found.physical.is_contradiction:
         yield (
             "A contradiction: no masses, inertias and motor constants above zero give these numbers. Look for a "
-            "voltage or a sensor of the wrong sign, two motors that are swapped, a wheel radius or a track that is far off."
+            "voltage or a sensor of the wrong sign, two motors that are swapped, a wheel radius or track far off."
         )
     if found.undetermined:
         names = ", ".join(f"{name} = {formulas[name]}" for name in found.undetermined)

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs
 
 from wmr_afl.errors import WmrError
 from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.log import Channel, Log, Segment
+from wmr_afl.identification.noise import parabola
 from wmr_afl.numerics.arrays import Floats
 
 WIDTH = 0.03  # [s], half of the kernel, of three samples at least
@@ -104,15 +104,13 @@ class Smoother:
 
     def _kernels(self, segment: Segment) -> tuple[Floats, Floats]:
         """That smooth, and that differentiate."""
-        size = 2 * self.half + 1
-        level, slope = (savgol_coeffs(size, 2, deriv=d, delta=segment.step, use="dot") for d in (0, 1))
-        return level, slope
+        return parabola(self.half, segment.step)
 
     def smoothed(self, segment: Segment) -> Floats:
         """The voltages (T, n_u) through the same kernel; at a sample they are between those held before and after."""
         held = segment.u.copy()
         held[1:] = 0.5 * (segment.u[1:] + segment.u[:-1])
-        u, kernel = np.zeros_like(held), savgol_coeffs(2 * self.half + 1, 2, use="dot")
+        u, kernel = np.zeros_like(held), parabola(self.half)[0]
         if len(u) > 2 * self.half + 1:
             u[self.half : -self.half] = np.column_stack([np.correlate(one, kernel, "valid") for one in held.T])
         return u

@@ -38,7 +38,7 @@ def logged(effort: Effort, u: Floats, friction: float = FRICTION, counts: int = 
     """What the encoders of all motors say of a motion from rest under u (T, n_u), in whole counts of a turn."""
     unknown = np.concatenate([effort.base(effort.p), np.full(len(effort.friction_groups), friction)])
     x0 = np.zeros((1, effort.n + effort.n_v))
-    states = Simulated(effort, STEP).states(unknown[None], np.array([0.02]), x0, u[None])[:-1, :, 0]
+    states = Simulated(effort, STEP).states(unknown[None], x0, u[None])[:-1, :, 0]
     quantum = 2.0 * np.pi / counts
     angles = quantum * np.round(states[:, effort.n + effort.n_v :] / quantum)
     motors = list(effort.model.input_units)

@@ -18,7 +18,7 @@ OTHERS = ("car", "type_1_1", "type_1_2", "type_2_0_uneven", "type_2_1", "type_3_
 def exact(effort: Effort, friction: float = FRICTION) -> Estimate:
     """An estimate that is the robot's own."""
     unknown = np.concatenate([effort.base(effort.p), np.full(len(effort.friction_groups), friction)])
-    return Estimate("by hand", unknown, np.zeros((len(unknown), len(unknown))), 0.02)
+    return Estimate("by hand", unknown, np.zeros((len(unknown), len(unknown))))
 
 
 def gains(effort: Effort, estimate: Estimate) -> dict[str, Feedforward]:
@@ -50,12 +50,12 @@ def test_a_motor_under_the_voltage_of_a_motion_moves_like_that(
     found, volts = gains(effort, estimate)[motion], 2.0 * np.array(ways)
     radius, step = effort.p[list(effort.model.parameter_units).index("r")], 1e-3
     simulated, x0 = Simulated(effort, step), np.zeros((1, effort.n + effort.n_v))
-    states = simulated.states(estimate.unknown[None], np.array([0.02]), x0, np.tile(volts, (1, 2, 1)))[..., 0]
+    states = simulated.states(estimate.unknown[None], x0, np.tile(volts, (1, 2, 1)))[..., 0]
     rates = effort.rates(states[:, : effort.n + effort.n_v])
     assert radius * np.diff(rates[:2], axis=0)[0] / step == pytest.approx(volts / found.kA, rel=0.02)
     if motion == "driving":
         slow = Simulated(effort, 0.02)
-        states = slow.states(estimate.unknown[None], np.array([0.02]), x0, np.tile(volts, (1, 2000, 1)))[-1:, :, 0]
+        states = slow.states(estimate.unknown[None], x0, np.tile(volts, (1, 2000, 1)))[-1:, :, 0]
         assert radius * effort.rates(states[:, : effort.n + effort.n_v])[0] == pytest.approx(volts / found.kV, rel=1e-3)
 
 
@@ -70,7 +70,7 @@ def test_friction_is_the_mean_of_both_motors(coulomb: Coulomb, expected: float) 
     effort = replace(effort_of("type_2_0"), coulomb=coulomb)
     friction = {"each": [0.3, 0.4], "grouped": [0.3], "none": []}[coulomb]
     unknown = np.concatenate([effort.base(effort.p), friction])
-    found = gains(effort, Estimate("by hand", unknown, np.zeros((len(unknown),) * 2), 0.02))
+    found = gains(effort, Estimate("by hand", unknown, np.zeros((len(unknown),) * 2)))
     assert found["turning"].kS == pytest.approx(expected)
 
 

@@ -116,9 +116,7 @@ def filled(**texts: str) -> Callable[[Rows], None]:
 
 
 CELL = "write a number, or leave the row out"
-COLUMNS = (
-    "segment, t, u_r, u_l, angle:u_r, rate:u_r, angle:u_l, rate:u_l, x, y, phi, v, omega, rate:x, rate:y, rate:phi"
-)
+NAMES = "segment, t, u_r, u_l, angle:u_r, rate:u_r, angle:u_l, rate:u_l, x, y, phi, v, omega, rate:x, rate:y, rate:phi"
 WRONG: dict[str, tuple[Callable[[Rows], None], str]] = {
     "a missing column": (without("u_l"), "log.csv: column u_l: is missing; add the voltage of each motor of type_2_0"),
     "no time": (without("t"), "log.csv: column t: is missing; add the time of each row in seconds"),

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from wmr_afl.analysis import plots
 from wmr_afl.analysis.files import keep_only, renewed
 from wmr_afl.analysis.page import inline, write_page
+from wmr_afl.identification.estimate import NOT_DETERMINED
 from wmr_afl.identification.held_out import WHOLE, foretold
 from wmr_afl.identification.held_out import WINDOW as PIECE
 from wmr_afl.identification.identify import Identified
@@ -91,11 +92,11 @@ def table_text(found: Identified) -> str:
     for k, (name, unit) in enumerate(found.effort.units.items()):
         is_free = bool(found.effort.is_free[k])
         value, interval, answer = numbers(
-            found.estimate.unknown[k], found.estimate.interval[k], is_free, found.estimate.is_determined[k]
+            found.estimate.unknown[k], found.estimate.interval[k], is_free, found.is_determined(found.estimate)[k]
         )
         row = [name, found.effort.formulas[name], unit, value, interval, repr(float(found.share[k])), answer]
         for one in methods.values():
-            row += numbers(one.unknown[k], one.interval[k], is_free, one.is_determined[k])
+            row += numbers(one.unknown[k], one.interval[k], is_free, found.is_determined(one)[k])
         writer.writerow(row)
     return text.getvalue()
 
@@ -123,7 +124,8 @@ def open_ends(found: Identified) -> Iterator[str]:
         )
     if found.undetermined:
         names = ", ".join(f"{name} = {formulas[name]}" for name in found.undetermined)
-        yield f"Not determined (two standard deviations exceed 30 %): {names}. Livelier motion tells more."
+        share = f"{100 * NOT_DETERMINED:.0f} %"
+        yield f"Not determined (two standard deviations exceed {share}): {names}. Livelier motion tells more."
     if found.physical.scaled:
         names = ", ".join(found.physical.scaled)
         yield (

@@ -41,6 +41,7 @@ from wmr_afl.numerics.arrays import Floats
 
 TRIED = 2.0  # [s], of the windows of what was held out
 HELD = 0.5  # [s] in a row, that are held out at least
+SLIGHT = 5e-3  # of the largest voltage: friction that is told to less is told, even if it is none
 TEST = 2.0  # [s]: tests that last no longer have short test functions
 
 
@@ -82,10 +83,16 @@ class Identified:
         """The method that foretold best."""
         return next(one for one in self.tried if one.estimate.method == self.estimate.method)
 
+    def is_determined(self, estimate: Estimate) -> Floats:
+        """Whether the log tells a number, (unknown,): to a share of its value, friction to a share of the voltage."""
+        most = max(float(np.abs(segment.u).max()) for segment in self.log.segments)
+        volts = np.array([name in self.effort.friction_groups for name in self.names])
+        return np.where(volts & (estimate.interval <= SLIGHT * most), True, estimate.is_determined)
+
     @property
     def undetermined(self) -> list[str]:
         """The numbers of which the log says too little; what is known needs no log."""
-        rows = zip(self.names, self.estimate.is_determined, self.effort.is_free, strict=True)
+        rows = zip(self.names, self.is_determined(self.estimate), self.effort.is_free, strict=True)
         return [name for name, is_told, is_free in rows if is_free and not is_told]
 
     @property

@@ -7,6 +7,7 @@ import io
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from wmr_input.whole_files import write_whole
 
 DRAWN = 3  # segments of what was held out, the longest ones
 MUCH_LEFT, POOR = 3.0, 80.0  # times the noise, and [%] of what was held out: beyond, the verdict looks doubtful
+LINE = 110  # characters of a comment
 LONGEST = 60.0  # [s] of a segment that are drawn
 
 
@@ -51,7 +53,7 @@ def guess_line(found: Identified) -> str:
 
 def toml_text(found: Identified, source: str) -> str:
     """The physical parameters as an experiment takes them, with what one has to know of them as comments."""
-    model, told = found.model, found.physical
+    model = found.model
     robot = model.name if is_shipped(model.folder) else model.folder.resolve().as_posix()
     lines = [
         f"# {model.title}, identified from {plain(source)}.",
@@ -71,9 +73,10 @@ def toml_text(found: Identified, source: str) -> str:
         f"{f'{name} = {value!r}':{width}}  # [{model.parameter_units[name]}] {about[name]}"
         for name, value in found.parameters.items()
     ]
-    if told.kept or told.scaled or found.undetermined:
-        lines.append("")
-    lines += [f"# {text}" for text in open_ends(found)]
+    lines.append("")
+    for text in open_ends(found):
+        lines += wrap(text, LINE, initial_indent="# ", subsequent_indent="#   ")
+    lines += [f"#   {name} = {found.effort.formulas[name]}" for name in found.undetermined]
     return "\n".join(lines) + "\n"
 
 
@@ -116,15 +119,13 @@ def origins(found: Identified) -> Iterator[tuple[str, float, float, str]]:
 
 def open_ends(found: Identified) -> Iterator[str]:
     """What the log does not tell, a sentence each."""
-    formulas = found.effort.formulas
     if found.physical.is_contradiction:
         yield (
             "A contradiction: no masses, inertias and motor constants above zero give these numbers. Look for a "
             "voltage or a sensor of the wrong sign, two motors that are swapped, a wheel radius or track far off."
         )
     if found.undetermined:
-        names = ", ".join(f"{name} = {formulas[name]}" for name in found.undetermined)
-        share = f"{100 * NOT_DETERMINED:.0f} %"
+        share, names = f"{100 * NOT_DETERMINED:.0f} %", ", ".join(found.undetermined)
         yield f"Not determined (two standard deviations exceed {share}): {names}. Livelier motion tells more."
     if found.physical.scaled:
         names = ", ".join(found.physical.scaled)

@@ -90,15 +90,15 @@ def _told(found: Identified) -> Iterator[RenderableType]:
     yield checks
     yield ""
     numbers = Table(box=None, header_style="bold")
-    for heading in ("number", "value", "± 2 sd", "unit", "of voltage", ""):
+    for heading in ("number", "value", "± 2 sd", "unit", "of voltage", "told"):
         numbers.add_column(heading, no_wrap=True)
-    numbers.add_column("formula")
+    numbers.add_column("formula", overflow="fold")
     for k, (name, unit) in enumerate(found.effort.units.items()):
-        remark = "not determined" if name in found.undetermined else "" if found.effort.is_free[k] else "known"
+        is_told = "no" if name in found.undetermined else "yes" if found.effort.is_free[k] else "known"
         number, interval = f"{found.estimate.unknown[k]:.5g}", f"{found.estimate.interval[k]:.2g}"
         formula = found.effort.formulas[name].replace("**", "^")
         short = formula if len(formula) <= LONGEST else formula[: LONGEST - 3] + "..."
-        numbers.add_row(name, number, interval, unit, f"{found.share[k]:.1%}", remark, escape(short))
+        numbers.add_row(name, number, interval, unit, f"{found.share[k]:.1%}", is_told, escape(short))
     yield numbers
     for gains in found.feedforward or ():
         yield escape(str(gains))

@@ -27,9 +27,16 @@ class Feedforward:
     kS: float  # [V]
     kV: float  # [V s/m]
     kA: float  # [V s^2/m]
+    interval: tuple[float, float, float]  # two standard deviations of noise, of each
 
     def __str__(self) -> str:
-        return f"{self.motion}: kS = {self.kS:.4g} V, kV = {self.kV:.4g} V s/m, kA = {self.kA:.4g} V s^2/m"
+        s, v, a = self.interval
+        gains = (
+            f"kS {self.kS:.4g} ± {s:.1g} V",
+            f"kV {self.kV:.4g} ± {v:.1g} V s/m",
+            f"kA {self.kA:.4g} ± {a:.1g} V s^2/m",
+        )
+        return f"{self.motion}: {', '.join(gains)}"
 
 
 def feedforward(effort: Effort, estimate: Estimate) -> tuple[Feedforward, ...] | None:
@@ -48,19 +55,17 @@ def feedforward(effort: Effort, estimate: Estimate) -> tuple[Feedforward, ...] |
     travel = radii[:, None] * rates[0]
     if min(abs(np.linalg.det(travel)), abs(np.linalg.det(maps[0]))) < 1e-12:
         return None
-    friction = np.zeros(2)
-    for name, group in effort.friction_groups.items():
-        friction[group] = estimate.unknown[list(effort.units).index(name)]
     found = []
     for motion, ways in MOTIONS.items():
-        way = np.array(ways)
+        way, of_unknown = np.array(ways), np.zeros((3, len(effort.units)))  # kS, kV and kA are linear in what was found
+        for name, group in effort.friction_groups.items():
+            of_unknown[0, list(effort.units).index(name)] = 0.5 * len(group)
         unit = np.linalg.solve(travel, way)  # v, at which the wheels travel at a metre a second
-        speed, still = np.stack([unit, -unit]), np.zeros((2, 2))
-        ahead, back = _effort(effort, speed, still, estimate)
-        accelerated, at_rest = _effort(effort, still, np.stack([unit, 0.0 * unit]), estimate)
-        volts = np.linalg.solve(maps[0], np.column_stack([0.5 * (ahead - back), accelerated - at_rest]))
-        k_v, k_a = np.mean(way[:, None] * volts, axis=0)
-        found.append(Feedforward(motion, float(friction.mean()), float(k_v), float(k_a)))
+        volts = np.linalg.solve(maps[0], np.stack(_regressors(effort, unit)))
+        of_unknown[1:, : effort.n_pi] = np.mean(way[:, None] * volts, axis=1)
+        k_s, k_v, k_a = (of_unknown @ estimate.unknown).tolist()
+        deviations = np.sqrt(np.maximum(np.diag(of_unknown @ estimate.covariance @ of_unknown.T), 0.0))
+        found.append(Feedforward(motion, k_s, k_v, k_a, tuple((2.0 * deviations).tolist())))
     return tuple(found)
 
 
@@ -73,7 +78,13 @@ def _radii(effort: Effort) -> Floats | None:
     return np.array([float(numpy_value(wheels[motor["drives"]]["radius"], names)) for motor in motors.values()])
 
 
-def _effort(effort: Effort, v: Floats, a: Floats, estimate: Estimate) -> Floats:
-    """Y pi (N, n-m) at v and a (N, n-m), without Coulomb friction, every coordinate zero."""
-    x = np.hstack([np.zeros((len(v), effort.n)), v])
-    return np.asarray(effort.model.effort_regressor(x, a, effort.c) @ estimate.unknown[: effort.n_pi])
+def _regressors(effort: Effort, unit: Floats) -> tuple[Floats, Floats]:
+    """What of Y (2, n_pi) is linear in v along `unit`, and what is linear in a, every coordinate zero."""
+    still = np.zeros((2, 2))
+
+    def regressor(v: Floats, a: Floats) -> Floats:
+        return np.asarray(effort.model.effort_regressor(np.hstack([np.zeros((2, effort.n)), v]), a, effort.c))
+
+    ahead, back = regressor(np.stack([unit, -unit]), still)
+    accelerated, at_rest = regressor(still, np.stack([unit, 0.0 * unit]))
+    return 0.5 * (ahead - back), accelerated - at_rest

@@ -75,6 +75,14 @@ def test_friction_is_the_mean_of_both_motors(coulomb: Coulomb, expected: float) 
 
 
 def test_the_text_has_units() -> None:
-    assert str(Feedforward("driving", 0.1, 2.25, 0.3333333)) == (
-        "driving: kS = 0.1 V, kV = 2.25 V s/m, kA = 0.3333 V s^2/m"
+    assert str(Feedforward("driving", 0.1, 2.25, 0.3333333, (0.01, 0.02, 0.123))) == (
+        "driving: kS 0.1 ± 0.01 V, kV 2.25 ± 0.02 V s/m, kA 0.3333 ± 0.1 V s^2/m"
     )
+
+
+def test_intervals_are_those_of_the_base_parameters_by_half() -> None:
+    effort = effort_of("type_2_0", **SMALL)
+    deviations = np.arange(1.0, 8.0)
+    found = gains(effort, replace(exact(effort), covariance=np.diag(deviations**2)))
+    assert found["driving"].interval == pytest.approx((2.0 * 7.0, 2.0, 1.0))
+    assert found["turning"].interval == pytest.approx((2.0 * 7.0, 6.0 / SMALL["b"], 4.0 / SMALL["b"]))

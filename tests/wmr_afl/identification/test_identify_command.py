@@ -336,7 +336,7 @@ def test_the_page_holds_everything(found: Identified) -> None:
     assert page.index(found.verdict.replace("'", "&#39;"), first) < page.index("<h2>")
     for text in (
         *("Checks of the log", "Base parameters", "SysId", "What was held out", "Physical parameters"),
-        *("What is not determined", "weak form", "output error", "of the voltage", "&lt;small&gt;.csv", "guess = {"),
+        *("What is not determined", "weak form", "output error", "<th>voltage</th>", "&lt;small&gt;.csv", "guess = {"),
         *(name for name in found.names),
         *(name for name in found.parameters),
         *(check.text for check in found.checks),

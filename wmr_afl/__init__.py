@@ -26,6 +26,8 @@ from wmr_afl.errors import (
 from wmr_afl.experiments.campaigns import CampaignResult, campaign, compare, replay
 from wmr_afl.experiments.experiment import list_experiments
 from wmr_afl.experiments.run import run, run_batch
+from wmr_afl.identification.identify import Identified, identify
+from wmr_afl.identification.log import Log
 from wmr_afl.identification.voltage_design import excite
 from wmr_afl.model.derivation import derive
 from wmr_afl.model.files import list_models
@@ -48,8 +50,10 @@ __all__ = [
     "Controller",
     "Diagnostics",
     "Failure",
+    "Identified",
     "InputError",
     "LiveReference",
+    "Log",
     "MissingTermError",
     "Model",
     "Pieces",
@@ -70,6 +74,7 @@ __all__ = [
     "excite",
     "export",
     "generated",
+    "identify",
     "list_experiments",
     "list_models",
     "load_model",

@@ -15,8 +15,9 @@ import pytest
 import wmr_afl
 from tests.conftest import EXPERIMENTS
 from tests.fuzzing import SEED, budget, stream
+from tests.wmr_afl.identification.logs import GEOMETRY, small_drive
 from tests.wmr_afl.junk import answered, is_finite, junk, shown
-from wmr_afl import CampaignResult, Controller, Model, Run
+from wmr_afl import CampaignResult, Controller, Log, Model, Run
 from wmr_afl.analysis import animation, files, plots
 from wmr_afl.controllers.live_reference import LiveReference, ReferenceBuffer
 from wmr_afl.controllers.path import along
@@ -45,6 +46,7 @@ class World:
     run: Run
     drawn: CampaignResult
     controller: Controller
+    log: Log
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +61,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> World:
         wmr_afl.run(file, "casadi", "AFL")["AFL"],
         wmr_afl.campaign(file, 4, backend="casadi"),
         Controller.from_experiment(file),
+        small_drive(4.0),
     )
 
 
@@ -103,6 +106,7 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
         wmr_afl.excite,
         lambda w: {"robot": w.model, "volts": 9.0, "room": 2.0, "seconds": 4.0, "frequencies": [0.5]},
     ),
+    "identify": (wmr_afl.identify, lambda w: {"robot": w.model, "logs": w.log, "parameters": GEOMETRY}),
     "export": (wmr_afl.export, lambda w: {"experiment": w.experiment, "is_unlimited": True, "samples": 2}),
     "Reference": (Reference, lambda w: {"expressions": {"y1": "t"}}),
     "Reference.ordered": (Reference.ordered, lambda w: {"self": w.controller.reference}),
@@ -127,6 +131,8 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
     "save": (plots.save, lambda w: {"figure": plots.new_figure(1.0, 1.0), "stem": Path("figure")}),
 }
 NOT_CALLED = {
+    "Identified",
+    "Log",
     "BatchResult",
     "CampaignResult",
     "Diagnostics",
@@ -135,7 +141,13 @@ NOT_CALLED = {
     "list_models",
     "list_experiments",
 }  # results; no argument
-SLOW = {"animate": 2, "overview": 2, "save": 5, "excite": 4}  # calls that draw or design -> how often in the suite
+SLOW = {
+    "animate": 2,
+    "overview": 2,
+    "save": 5,
+    "excite": 4,
+    "identify": 4,
+}  # calls that draw or search -> how often in the suite
 ROUNDS = 10  # of the others, for each argument
 ARITHMETIC = ("Reference.at", "Reference.over", "Pieces.at", "Pieces.over")  # where what is not finite goes through
 NOT_THE_PRODUCTS = {  # a function raises what it likes, a scheduler is looked for in the network

@@ -1,86 +1,129 @@
-"""Verbs that find out a robot's numbers: `excite`."""
+"""The verb that finds out a robot's numbers: `identify`."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from wmr_afl.cli.terminal import app, console, reporting, say
-from wmr_afl.errors import ArgumentError
+from wmr_afl.cli.terminal import app, console, numbers_by_name, progress_bar, reporting, say
+from wmr_afl.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from wmr_afl.identification.identify import Identified
+
+LONGEST = 60  # characters of a formula
+COULOMB = ("each", "grouped", "none")
 
 
 @app.command()
-def excite(
+def identify(
     robot: Annotated[str, typer.Argument(help="A shipped model, or the path of a folder that derive has written.")],
-    volts: Annotated[float, typer.Option(help="The largest voltage of each motor.")],
-    room: Annotated[float, typer.Option(help="How far it may go from the start, to each side in x and y [m].")],
-    limit: Annotated[
-        list[str] | None, typer.Option(help="NAME=VALUE: the largest angle of a coordinate [rad]; may be repeated.")
-    ] = None,
-    seconds: Annotated[float, typer.Option(help="How long the voltages last.")] = 20.0,
+    logs: Annotated[list[str], typer.Argument(help="CSV files: t, the voltages, angle:INPUT of each encoder, ...")],
     set_: Annotated[
-        list[str] | None, typer.Option("--set", help="NAME=VALUE: a better guess of a parameter; may be repeated.")
+        list[str] | None, typer.Option("--set", help="NAME=VALUE: a parameter that was measured; may be repeated.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the files; results/excite_ROBOT unless named.")] = None,
+    guess: Annotated[
+        list[str] | None, typer.Option(help="NAME=VALUE: where the search begins, instead of the description's value.")
+    ] = None,
+    hold_out: Annotated[
+        str, typer.Option(help="What the methods are tried on: a segment's name, or a share between 0 and 0.8.")
+    ] = "0.3",
+    coulomb: Annotated[
+        str, typer.Option(help="Dry friction of each motor, of equal ones grouped, or none.")
+    ] = "grouped",
+    delay: Annotated[float, typer.Option(help="By how much motors answer later than the log says [s].")] = 0.0,
+    partial: Annotated[
+        bool, typer.Option("--partial", help="Also if a motion is missing: what only that tells stays as described.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the files; results/identified-ROBOT unless named.")
+    ] = None,
 ) -> None:
-    """Propose voltages that determine a robot's parameters within the voltage and the space there is.
+    """Find a robot's parameters from logs of its voltages and motion; write numbers, a table and a report.
 
-    They are tried on robots whose parameters are up to 30 % off; exit with 1 where one of those breaks a limit.
+    Exit with 1 if no possible robot is like that.
     """
-    from wmr_afl.analysis import plots
-    from wmr_afl.analysis.excitation_plots import draw_excitation
-    from wmr_afl.analysis.files import check_writable, renewed
-    from wmr_afl.identification.voltage_design import NOISE
-    from wmr_afl.identification.voltage_design import excite as excited
+    from wmr_afl.analysis.files import check_writable
+    from wmr_afl.analysis.identification_report import write_identification
+    from wmr_afl.identification.identify import identify as identified
     from wmr_afl.model.model import load_model
-    from wmr_input.whole_files import write_whole
 
     with reporting():
-        model = load_model(robot)
-        limits, parameters = _numbers("--limit", limit), _numbers("--set", set_)
-        folder = out or Path("results", f"excite_{model.name}")
+        model, parameters, guesses = (
+            load_model(robot),
+            numbers_by_name("--set", set_),
+            numbers_by_name("--guess", guess),
+        )
+        if coulomb not in COULOMB:
+            raise UnknownNameError("kind of friction", coulomb, COULOMB)
+        folder = out or Path("results", f"identified-{model.name}")
         check_writable(folder)
-        found = excited(model, volts, room, limits, seconds, parameters)
-        with renewed(folder) as beside:
-            write_whole(beside / "voltages.csv", found.played.text(model))
-            plots.save(draw_excitation(found), beside / "excitation")
-    table = Table("number", f"deviation at {NOISE:g} V of noise", box=None, header_style="bold")
-    for name, deviation in found.deviations.items():
-        table.add_row(escape(name), f"{deviation:.2%}")
-    console.print(table)
-    table = Table("limit of", "lowest", "highest", "may be", box=None, header_style="bold")
-    for name, (least, most) in found.excursions.items():
-        lower, upper = found.limits[name]
-        table.add_row(escape(name), f"{least:.3g}", f"{most:.3g}", f"{lower:.3g} to {upper:.3g}")
-    console.print(table)
-    for loop in found.loops:
-        error = f"(angle_reference:{loop.coordinate} - {loop.coordinate})"
-        say(f"drive {loop.motor} with its voltage of the file + {loop.gain:.4g} V/rad {error}, at most {volts:g} V")
-    (before, now), (loose, tight) = found.log_determinants, found.conditions
-    say(f"log determinant {before:.1f} of a random multisine, {now:.1f} of this; condition {loose:.3g}, {tight:.3g}")
-    say(f"{found.rounds} rounds; IPOPT: {found.status}")
-    say(found.verdict)
-    say(f"voltages.csv, excitation.png and excitation.svg in {folder}")
-    if not found.is_within_limits:
+        with progress_bar() as progress:
+            progress.add_task(f"identifying {escape(model.name)}", total=None)
+            found = identified(
+                model,
+                logs,
+                parameters=parameters,
+                guess=guesses,
+                hold_out=_share(hold_out),
+                coulomb=coulomb,  # type: ignore[arg-type]
+                delay=delay,
+                partial=partial,
+            )
+            files = write_identification(found, ", ".join(Path(log).name for log in logs), folder)
+    for part in _told(found):
+        console.print(part)
+    say(f"{', '.join(file.name for file in files)} in {folder}")
+    if found.physical.is_contradiction:
         raise typer.Exit(1)
 
 
-def _numbers(option: str, given: list[str] | None) -> dict[str, float]:
-    """Numbers by name.
+def _told(found: Identified) -> Iterator[RenderableType]:
+    """Checks, numbers, physical parameters, verdict."""
+    from wmr_afl.analysis.identification_report import open_ends, origins
 
-    Raises:
-        ArgumentError: if one is not NAME=VALUE.
-    """
-    found = {}
-    for text in given or ():
-        name, _, value = text.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
-            wanted = f"write {option} NAME=VALUE, as in {option} beta=0.5"
-            raise ArgumentError(f"{option} is {text!r}", wanted) from None
-    return found
+    log = found.log
+    yield f"[bold]{escape(found.model.title)}[/bold]  ({escape(found.model.name)}; {log.duration:.1f} s of log)"
+    yield ""
+    checks = Table("check", "", "found", box=None, header_style="bold")
+    for check in found.checks:
+        text = escape(check.text) + (f"; [bold]{escape(check.remedy)}[/bold]" if check.remedy else "")
+        checks.add_row(escape(check.name), "fine" if check.is_fine else "LOOK", text)
+    yield checks
+    yield ""
+    numbers = Table(box=None, header_style="bold")
+    for heading in ("number", "value", "± 2 sd", "unit", "of voltage", "told"):
+        numbers.add_column(heading, no_wrap=True)
+    numbers.add_column("formula", overflow="fold")
+    for k, (name, unit) in enumerate(found.effort.units.items()):
+        is_told = "no" if name in found.undetermined else "yes" if found.effort.is_free[k] else "known"
+        number, interval = f"{found.estimate.unknown[k]:.5g}", f"{found.estimate.interval[k]:.2g}"
+        formula = found.effort.formulas[name].replace("**", "^")
+        short = formula if len(formula) <= LONGEST else formula[: LONGEST - 3] + "..."
+        numbers.add_row(name, number, interval, unit, f"{found.share[k]:.1%}", is_told, escape(short))
+    yield numbers
+    for gains in found.feedforward or ():
+        yield escape(str(gains))
+    yield ""
+    physical = Table("parameter", "described", "found", "unit", "where it is from", box=None, header_style="bold")
+    for name, described, value, origin in origins(found):
+        unit = found.model.parameter_units[name]
+        physical.add_row(escape(name), f"{described:.5g}", f"{value:.5g}", unit, escape(origin))
+    yield physical
+    for text in open_ends(found):
+        yield escape(text)
+    yield f"[bold]{escape(found.verdict)}[/bold]"
+
+
+def _share(text: str) -> str | float:
+    """A share of the log; else a segment's name, and a whole number is one."""
+    try:
+        return text if text.isdigit() else float(text)
+    except ValueError:
+        return text

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from wmr_afl.errors import BackendWarning, WmrError
+from wmr_afl.errors import ArgumentError, BackendWarning, WmrError
 
 app = typer.Typer(
     name="wmr-afl",
@@ -53,6 +53,23 @@ def reporting() -> Iterator[None]:
 def say(text: str) -> None:
     """Print a line without markup and colours."""
     console.print(escape(text))
+
+
+def numbers_by_name(option: str, given: list[str] | None) -> dict[str, float]:
+    """Numbers by name.
+
+    Raises:
+        ArgumentError: if one is not NAME=VALUE.
+    """
+    found = {}
+    for text in given or ():
+        name, _, value = text.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError:
+            wanted = f"write {option} NAME=VALUE, as in {option} beta=0.5"
+            raise ArgumentError(f"{option} is {text!r}", wanted) from None
+    return found
 
 
 def progress_bar() -> Progress:

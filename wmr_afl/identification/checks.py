@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -42,14 +42,22 @@ class Finding:
         return f"{self.name}: {self.text}" + (f"; {self.remedy}" if self.remedy else "")
 
 
+def check_length(log: Log) -> None:
+    """Whether there is enough of it.
+
+    Raises:
+        WmrError: if the log is too short.
+    """
+    if not log.segments or log.duration < LEAST:
+        raise WmrError(f"the log lasts {log.duration:.2g} s", "log at least 10 s of motion, better 60")
+
+
 def check_input(log: Log, noise: Floats) -> None:
     """Whether there is anything to go by.
 
     Raises:
-        WmrError: if the log is too short, at rest, or its voltages never change or are at their limit throughout.
+        WmrError: if the log is at rest, or its voltages never change or are at their limit throughout.
     """
-    if not log.segments or log.duration < LEAST:
-        raise WmrError(f"the log lasts {log.duration:.2g} s", "log at least 10 s of motion, better 60")
     u = np.concatenate([segment.u for segment in log.segments])
     if not np.any(np.ptp(u, axis=0) > 0.0):
         if not np.any(u):
@@ -68,6 +76,32 @@ def check_input(log: Log, noise: Floats) -> None:
         raise WmrError(
             f"the voltages are at their largest ({volts} V) throughout", "log with less, so that none is cut"
         )
+
+
+def unwrapped(log: Log) -> tuple[Log, list[Finding]]:
+    """The log with angles that go on where they began anew after a turn, as a heading between -pi and pi does."""
+    units = list(log.model.state_units.values())
+    is_angle = [not one.is_rate and (one.matrix == "motor" or units[one.index] == "rad") for one in log.channels]
+    wraps = [
+        k
+        for k in np.flatnonzero(is_angle)
+        if any(_begins_anew(np.abs(np.diff(segment.z[:, k]))) for segment in log.segments)
+    ]
+    if not wraps:
+        return log, []
+    segments = []
+    for segment in log.segments:
+        z = segment.z.copy()
+        z[:, wraps] = np.unwrap(z[:, wraps], axis=0)
+        segments.append(replace(segment, z=z))
+    names = ", ".join(log.channels[k].name for k in wraps)
+    return log.of(segments), [Finding("turns", f"{names} begins anew after a turn: counted on")]
+
+
+def _begins_anew(changes: Floats) -> bool:
+    """Whether an angle changes by a turn at some samples, and by little at all others."""
+    is_turn = np.abs(changes - 2.0 * np.pi) < 0.5 * np.pi
+    return bool(is_turn.any() and np.all(changes[~is_turn] < 0.5 * np.pi))
 
 
 def dead_encoders(log: Log) -> list[int]:

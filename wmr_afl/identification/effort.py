@@ -90,6 +90,19 @@ class Effort:
         }
 
     @cached_property
+    def formulas(self) -> dict[str, str]:
+        """Of what is unknown, by name: a formula of physical parameters, or words for friction."""
+        motors, ratios = list(self.model.input_units), self.model.metadata["gain_ratio_formulas"]
+        return {
+            **self.model.metadata["effort_parameter_formulas"],
+            **{name: ratios[motors[group[0]]] for name, group in self.ratio_groups.items()},
+            **{
+                name: f"Coulomb friction of {', '.join(motors[j] for j in group)}"
+                for name, group in self.friction_groups.items()
+            },
+        }
+
+    @cached_property
     def n_pi(self) -> int:
         """Base parameters without ratios and friction."""
         return len(self.model.metadata["effort_parameters"])

@@ -36,7 +36,7 @@ def split(log: Log, hold_out: str | float) -> tuple[Log, Log]:
         names = ", ".join(dict.fromkeys(one.name or "(no name)" for one in log.segments))
         if not held or not kept:
             problem = "is the whole log" if held else "is no segment of the log"
-            raise InputError("hold_out", repr(hold_out), problem, f"name one of several (there is {names})")
+            raise InputError("hold_out", repr(hold_out), problem, f"name one of several (there is {names}), or a share")
         return log.of(kept), log.of(held)
     if not 0.0 < hold_out <= 0.8:
         raise InputError("hold_out", f"{hold_out:g}", "is no share", "choose one between 0 and 0.8, or name a segment")

@@ -14,14 +14,17 @@ from wmr_afl.errors import InputError, SimulationError, WmrError
 from wmr_afl.identification.checks import (
     Finding,
     check_input,
+    check_length,
     dead_encoders,
     findings,
     missing_motions,
+    unwrapped,
     updates,
 )
 from wmr_afl.identification.dead_time import CLEAR, dead_time, later
 from wmr_afl.identification.effort import Coulomb, Effort
 from wmr_afl.identification.estimate import Estimate, Prior, prior_of
+from wmr_afl.identification.feedforward import Feedforward, feedforward
 from wmr_afl.identification.held_out import Score, score, split
 from wmr_afl.identification.log import Log
 from wmr_afl.identification.log_file import read_logs
@@ -32,10 +35,13 @@ from wmr_afl.identification.physical import Physical, physical
 from wmr_afl.identification.weak_form import SHORT, WeakForm
 from wmr_afl.identification.weak_form import WINDOW as WEAK_WINDOW
 from wmr_afl.model.model import Model, load_model
+from wmr_afl.model.plausibility import check_robots
 from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
 
 TRIED = 2.0  # [s], of the windows of what was held out
+HELD = 0.5  # [s] in a row, that are held out at least
+SLIGHT = 5e-3  # of the largest voltage: friction that is told to less is told, even if it is none
 TEST = 2.0  # [s]: tests that last no longer have short test functions
 
 
@@ -77,11 +83,27 @@ class Identified:
         """The method that foretold best."""
         return next(one for one in self.tried if one.estimate.method == self.estimate.method)
 
+    def is_determined(self, estimate: Estimate) -> Floats:
+        """Whether the log tells a number, (unknown,): to a share of its value, friction to a share of the voltage."""
+        most = max(float(np.abs(segment.u).max()) for segment in self.log.segments)
+        volts = np.array([name in self.effort.friction_groups for name in self.names])
+        return np.where(volts & (estimate.interval <= SLIGHT * most), True, estimate.is_determined)
+
     @property
     def undetermined(self) -> list[str]:
         """The numbers of which the log says too little; what is known needs no log."""
-        rows = zip(self.names, self.estimate.is_determined, self.effort.is_free, strict=True)
+        rows = zip(self.names, self.is_determined(self.estimate), self.effort.is_free, strict=True)
         return [name for name, is_told, is_free in rows if is_free and not is_told]
+
+    @property
+    def disagreeing(self) -> list[str]:
+        """The numbers in which the two methods differ by more than their noise, and by a tenth besides."""
+        if len(self.tried) < 2:
+            return []
+        one, other = (tried.estimate for tried in self.tried)
+        apart = np.abs(one.unknown - other.unknown)
+        noise, size = one.interval + other.interval, 0.1 * np.maximum(np.abs(one.unknown), np.abs(other.unknown))
+        return [name for name, is_apart in zip(self.names, apart > np.maximum(noise, size), strict=True) if is_apart]
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -90,24 +112,25 @@ class Identified:
 
     @property
     def guess(self) -> dict[str, float]:
-        """Those that were sought: the `guess` of a controller in an experiment."""
-        return {name: self.parameters[name] for name in self.physical.uncertain}
+        """Those that were sought or given: the `guess` of a controller in an experiment, which knows the others."""
+        chosen = {*self.physical.uncertain, *self.effort.given} - self.model.known_units.keys()
+        return {name: value for name, value in self.parameters.items() if name in chosen}
+
+    @property
+    def feedforward(self) -> tuple[Feedforward, ...] | None:
+        """kS, kV and kA of a differential drive; None of another robot."""
+        return feedforward(self.effort, self.estimate)
 
     @property
     def verdict(self) -> str:
-        """In a sentence how far the model explains the log."""
+        """In a sentence how far the model explains what was held out of the log."""
         best = self.chosen
-        cost = self.cost
-        explains = "" if cost is None else f"leaves {cost:.2f} of the measurement's noise, "
-        text = f"{best.estimate.method}: {explains}foretells {best.score.overall:.1f} % of what was held out"
+        leaves = f"leaves {best.misfit:.2f} times the measurement's noise, " if np.isfinite(best.misfit) else ""
+        fit = f"{best.score.overall:.1f} %" if np.isfinite(best.score.overall) else "nothing"
+        text = f"{best.estimate.method}: {leaves}foretells {fit} of what was held out"
         if self.physical.is_contradiction:
-            return f"{text}; a contradiction: no possible robot is like that (chi^2/n {self.physical.chi2:.0f})"
+            return f"{text}; a contradiction: no possible robot is like that (chi^2/n {self.physical.chi2:.3g})"
         return text
-
-    @property
-    def cost(self) -> float | None:
-        """What output error leaves, in units of the noise of the measurement (an encoder's step over sqrt 12)."""
-        return next((one.estimate.cost for one in self.tried if one.estimate.cost is not None), None)
 
     def __repr__(self) -> str:
         return f"<Identified {self.model.name}: {self.verdict}>"
@@ -153,23 +176,31 @@ def identify(
     tells stays as the description has it.
 
     Raises:
-        InputError: if a file is wrong.
+        InputError: if a file is wrong, or `hold_out` or `delay`.
         WmrError: if the log cannot serve: too short, at rest, without a motion that is needed; the text says which.
         MissingTermError: if the robot's dynamics are not linear in base parameters.
     """
     model = robot if isinstance(robot, Model) else load_model(robot)
     p = model.parameters(**{**(guess or {}), **(parameters or {})})
+    check_robots(model, {}, p)
     effort = Effort(model, np.asarray(p, dtype=float), coulomb, frozenset(parameters or ()))
     files = [logs] if isinstance(logs, str | Path) else logs
     log = files if isinstance(files, Log) else read_logs(model, files)
     if not -0.5 <= delay <= 0.5:
         raise InputError("delay", f"{delay:g}", "is no dead time of a motor", "give it in seconds, as 0.02")
+    check_length(log)
+    log, turns = unwrapped(log)
     log, dead = _without_dead(log)
     periods = updates(log)
     noise = standard_deviations(log, periods)
     check_input(log, noise)
     smoother = Smoother(effort, log.channels, noise, periods, half_width(log, periods))
     whole, (train, held) = _motions(smoother, log, delay), _held(smoother, log, hold_out, delay)
+    place = repr(hold_out) if isinstance(hold_out, str) else f"{hold_out:g}"
+    if _longest(held) < HELD:
+        raise InputError("hold_out", place, f"holds out less than {HELD:g} s in a row", "hold out more")
+    if len(missing_motions(smoother, held)) == effort.n_v:
+        raise InputError("hold_out", place, "holds out no motion", "hold out a part in which the robot moves")
     missing = missing_motions(smoother, whole)
     if missing and not partial:
         problem = f"the log holds no motion of {', '.join(missing)}"
@@ -186,7 +217,7 @@ def identify(
     if best.estimate.cost is not None:
         final = OutputError(smoother, windows_of(whole, _window(whole), periods), prior).fit(best.estimate.unknown)
     share = weak.share * np.abs(final.unknown) / np.maximum(np.abs(weak.unknown), 1e-300)
-    checks = [*dead, *findings(smoother, log, whole, periods), _dead_time(smoother, whole, form, delay)]
+    checks = [*turns, *dead, *findings(smoother, log, whole, periods), _dead_time(smoother, whole, form, delay)]
     if missing:
         text = f"no motion of {', '.join(missing)}: what only that tells is as in the description"
         checks.append(Finding("motion", text, "drive such motions too"))
@@ -223,7 +254,7 @@ def _window(motions: list[Motion]) -> float:
 
 def _longest(motions: list[Motion]) -> float:
     """[s], of the segment that lasts longest."""
-    return max(float(motion.ok.sum()) * motion.segment.step for motion in motions)
+    return max((float(motion.ok.sum()) * motion.segment.step for motion in motions), default=0.0)
 
 
 def _motions(smoother: Smoother, log: Log, delay: float) -> list[Motion]:
@@ -238,7 +269,7 @@ def _held(smoother: Smoother, log: Log, hold_out: str | float, delay: float) -> 
 
 def _without_dead(log: Log) -> tuple[Log, list[Finding]]:
     """The log without encoders that stand still."""
-    dead = dead_encoders(log) if log.segments else []
+    dead = dead_encoders(log)
     if not dead:
         return log, []
     names = ", ".join(log.channels[k].name for k in dead)

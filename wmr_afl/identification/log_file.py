@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,10 +46,17 @@ def read_logs(model: Model, files: Iterable[str | Path]) -> Log:
     if not paths:
         raise WmrError("no log is given", "name a CSV file")
     logs = [read_log(model, path) for path in paths]
+    if len(logs) > 1:
+        logs = [_named(log, path.stem) for log, path in zip(logs, paths, strict=True)]
     whole = logs[0]
     for log in logs[1:]:
         whole = whole.joined(log)
     return whole
+
+
+def _named(log: Log, name: str) -> Log:
+    """With the file's name before those of the segments."""
+    return log.of([replace(one, name=f"{name} {one.name}".strip()) for one in log.segments])
 
 
 def read_log(model: Model, path: str | Path) -> Log:

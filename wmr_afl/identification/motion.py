@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs
 
 from wmr_afl.errors import WmrError
 from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.log import Channel, Log, Segment
+from wmr_afl.identification.noise import parabola
 from wmr_afl.numerics.arrays import Floats
 
 WIDTH = 0.03  # [s], half of the kernel, of three samples at least
@@ -107,7 +107,7 @@ class Smoother:
 
         A difference over two samples is the mean of the rate over them; rates and voltages are averaged alike.
         """
-        kernel = savgol_coeffs(2 * self.half + 1, 2, use="dot")
+        kernel = parabola(self.half)[0]
         difference = np.array([-0.5, 0.0, 0.5]) / segment.step
         return np.convolve(kernel, [0.25, 0.5, 0.25]), np.convolve(kernel, difference)
 
@@ -115,7 +115,7 @@ class Smoother:
         """The voltages (T, n_u) through the same filter: the mean of those held before and after a sample, smoothed."""
         held = segment.u.copy()
         held[1:] = 0.5 * (segment.u[1:] + segment.u[:-1])
-        u, kernel = np.zeros_like(held), savgol_coeffs(2 * self.half + 1, 2, use="dot")
+        u, kernel = np.zeros_like(held), parabola(self.half)[0]
         if len(u) > 2 * self.half + 1:
             u[self.half : -self.half] = np.column_stack([np.correlate(one, kernel, "valid") for one in held.T])
         return u

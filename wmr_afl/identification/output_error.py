@@ -32,6 +32,7 @@ FINE = 0.3  # of the noise, by which halving the steps may change what is foreto
 ALIKE = 1.5  # times what it is taken for, that is left of a channel
 _DONE = 3e-4  # of the cost, by which a round has to lessen it
 _DIFFERENCE = 1e-4  # of a number, for its sensitivity
+_HUGE = 1e60  # times the noise: a motion that leaves the world, or is no number
 _ROWS = 4096  # motions that are simulated at a time
 
 
@@ -304,6 +305,9 @@ class OutputError:
         u = np.broadcast_to(windows.u, (1 + n + n_v, *windows.u.shape)).reshape(-1, *windows.u.shape[1:])
         with np.errstate(all="ignore"):
             seen = self._simulated(numbers, x0, u, windows.step) / self.error
+        if not np.all(np.abs(seen) < _HUGE):
+            nothing = np.full((count, n + 1, n + 1), np.inf)
+            return nothing, np.zeros((count, n_v)), np.zeros((count, n_v, n)), np.zeros((count, len(self.channels)))
         seen = seen.reshape(1 + n + n_v, count, -1)
         left = (windows.z[:, :, self.used] / self.error).reshape(count, -1) - seen[0]
         slopes = np.moveaxis((seen[1:] - seen[0]) / steps[:, None, None], 0, -1)
@@ -319,9 +323,6 @@ class OutputError:
         local = np.concatenate([local, loose], axis=1)
         left = np.concatenate([left, (windows.x0[:, self.effort.n :] - v0) / self.start_spread], axis=1)
         slopes = np.concatenate([slopes, np.zeros((count, n_v, slopes.shape[-1]))], axis=1)
-        if not (np.all(np.isfinite(local)) and np.all(np.isfinite(left))):
-            nothing = np.full((count, n + 1, n + 1), np.inf)
-            return nothing, np.zeros((count, n_v)), np.zeros((count, n_v, n)), np.zeros((count, len(self.channels)))
         sizes = np.abs(local).max(axis=1, keepdims=True) + 1e-300
         q, r = np.linalg.qr(local / sizes)
         whole = np.concatenate([slopes[..., :n], left[..., None]], axis=-1)

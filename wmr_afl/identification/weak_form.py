@@ -23,6 +23,7 @@ WINDOW = 0.24  # [s], half of a test function
 SHORT = 0.15  # [s], the same where segments last two seconds or less
 STANDS = 0.1  # of a window, during which a motor may stand under voltage
 UNDER_VOLTAGE = 0.02  # of the largest voltage
+FIRST = 1e-6  # of the prior as long as it is not known how little is left: a wrong description leaves much
 COMMON = 8.0  # windows that a sample lies in: so many rows are worth one
 OVERLAP = 16  # windows in a row that are no independent witnesses: two lengths of one
 _CHUNK = 20_000  # samples that are worked on at a time
@@ -126,10 +127,10 @@ class WeakForm:
         size = np.maximum(scale, 1e-9 * scale.max())[kind]
         share = np.sqrt(np.mean((matrix / size[:, None]) ** 2, axis=0))
         matrix, unknown, precision = matrix[:, free], self.prior.mean[free], COMMON * self.prior.precision
-        for _ in range(3):  # rows of a pseudo-velocity by what is left in them
+        for trust in (FIRST, 1.0, 1.0):  # rows of a pseudo-velocity by what is left in them
             weights = shares / np.maximum(scale, 1e-9 * scale.max())[kind]
             rows, wanted = matrix * weights[:, None], right * weights
-            unknown = solved(rows, wanted, self.prior.mean[free], precision)
+            unknown = solved(rows, wanted, self.prior.mean[free], trust * precision)
             left = right - matrix @ unknown
             scale = np.array([np.sqrt(np.mean(left[kind == i] ** 2)) for i in range(len(self.shown))])
         weights = shares / np.maximum(scale, 1e-9 * scale.max())[kind]

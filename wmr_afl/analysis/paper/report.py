@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from wmr_afl.analysis.excitation import excitation, sentence
 from wmr_afl.analysis.metrics import SETTLED, metrics
+from wmr_afl.analysis.page import inline, write_page
 from wmr_afl.analysis.paper.beyond import DELAYED, NOISY, ONE_ROBOT, Beyond
 from wmr_afl.analysis.paper.beyond_figures import CAPTIONS
 from wmr_afl.analysis.paper.claims import CLAIMS
 from wmr_afl.analysis.paper.figures import FIGURES
 from wmr_afl.analysis.plots import Runs
-from wmr_afl.errors import SimulationError, WmrError
+from wmr_afl.errors import SimulationError
 from wmr_afl.experiments.experiment import read_experiment
 from wmr_afl.simulation.result import Run
-from wmr_input.whole_files import write_whole
-
-_ENVIRONMENT = Environment(loader=FileSystemLoader(Path(__file__).parent), undefined=StrictUndefined, autoescape=True)
 
 
 def write_report(studies: Mapping[str, Runs], pictures: Mapping[str, Path], beyond: Beyond | None, path: Path) -> Path:
@@ -32,14 +28,8 @@ def write_report(studies: Mapping[str, Runs], pictures: Mapping[str, Path], beyo
         WmrError: if it cannot be written.
     """
     parts = [_study(name, runs, pictures) for name, runs in studies.items()]
-    text = _ENVIRONMENT.get_template("report.html.jinja").render(
-        studies=parts, beyond=None if beyond is None else _beyond(beyond, pictures)
-    )
-    try:
-        write_whole(path, text)
-    except OSError as error:
-        raise WmrError(f"{path}: cannot be written ({error.strerror})", "name a writable folder") from None
-    return path
+    told = None if beyond is None else _beyond(beyond, pictures)
+    return write_page("paper/report.html.jinja", path, studies=parts, beyond=told)
 
 
 def _study(name: str, runs: Runs, pictures: Mapping[str, Path]) -> dict[str, Any]:
@@ -53,7 +43,7 @@ def _study(name: str, runs: Runs, pictures: Mapping[str, Path]) -> dict[str, Any
         "settled_since": f"{SETTLED * experiment.simulation.duration:g}",
         "metrics": [_metrics(run) for run in runs.values()],
         "figures": [
-            {"name": figure, "caption": FIGURES[figure].caption, "png": _inline(png)}
+            {"name": figure, "caption": FIGURES[figure].caption, "png": inline(png)}
             for figure, png in pictures.items()
             if figure in FIGURES and FIGURES[figure].experiment == name
         ],
@@ -62,13 +52,9 @@ def _study(name: str, runs: Runs, pictures: Mapping[str, Path]) -> dict[str, Any
 
 
 def _beyond(beyond: Beyond, pictures: Mapping[str, Path]) -> dict[str, Any]:
-    figures = [{"caption": CAPTIONS[name], "png": _inline(png)} for name, png in pictures.items() if name in CAPTIONS]
+    figures = [{"caption": CAPTIONS[name], "png": inline(png)} for name, png in pictures.items() if name in CAPTIONS]
     laws = {**NOISY, **DELAYED, **ONE_ROBOT}
     return {"sheets": beyond.sheets, "figures": figures, "laws": {law: table for law, table in laws.items() if table}}
-
-
-def _inline(png: Path) -> str:
-    return base64.b64encode(png.read_bytes()).decode("ascii")
 
 
 def _metrics(run: Run) -> dict[str, Any]:

@@ -224,7 +224,7 @@ def row(robot: str, logs: list[Tried]) -> list[str]:
         f"{median([one.plain.u for one in logs]):.1f}, {median([one.plain.median for one in logs]):.1f}",
         f"{median([one.found.u for one in logs]):.3f}",
         f"{median([one.found.median for one in logs]):.3f}",
-        f"{median([one.identified.cost or np.nan for one in logs]):.2f}",
+        f"{median([one.identified.estimate.cost or np.nan for one in logs]):.2f}",
         f"{median([one.identified.chosen.score.overall for one in logs]):.1f}",
         f"{100 * np.mean([one.covered for one in logs]):.0f} %",
         str(off),

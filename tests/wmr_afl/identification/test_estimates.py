@@ -52,8 +52,8 @@ def test_output_error_finds_the_robot(robot: str) -> None:
     """From 12 s of encoders and a noisy gyroscope, without touching its start: what is told is within its interval."""
     made = identify(effort_of(robot).model, logged(robot, seed=3), coulomb="each")
     found, true = made.estimate, truth(robot)
-    assert made.cost is not None
-    assert made.cost < 2.0
+    assert found.cost is not None
+    assert found.cost < 2.0
     assert found.method == "output error"
     told = np.array([name not in made.undetermined for name in made.names])
     assert told.sum() >= 0.5 * len(told)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.wmr_afl.identification.rehearsed import ROBOTS, driven, effort_of, logged
 from wmr_afl import WmrError, load_model
-from wmr_afl.identification.checks import check_input, dead_encoders, findings, missing_motions, updates
+from wmr_afl.identification.checks import check_input, check_length, dead_encoders, findings, missing_motions, updates
 from wmr_afl.identification.log import Log, log_of
 from wmr_afl.identification.log_file import read_log, read_logs, write_log
 from wmr_afl.identification.motion import Motion, Smoother, half_width, with_rest
@@ -235,4 +235,4 @@ def test_a_log_that_tells_nothing_is_refused(u: np.ndarray | None, z: float, tol
     assert told in str(error.value)
     check_input(log, standard_deviations(log, np.ones(3)))
     with pytest.raises(WmrError, match="the log lasts"):
-        check_input(log.of([segment.part(0, 50)]), standard_deviations(log, np.ones(3)))
+        check_length(log.of([segment.part(0, 50)]))

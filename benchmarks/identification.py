@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import sys
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -212,7 +213,7 @@ def row(robot: str, logs: list[Tried]) -> list[str]:
     """Medians over the logs of one robot."""
     first = logs[0].identified
     wrong = [one.found.each > FLAGGED for one in logs]
-    flagged = [~one.identified.estimate.is_determined for one in logs]
+    flagged = [np.array([answer in ("roughly", "no") for answer in one.identified.told()]) for one in logs]
     off, told = sum(int(w.sum()) for w in wrong), sum(int((w & f).sum()) for w, f in zip(wrong, flagged, strict=True))
 
     def median(values: list[float]) -> float:
@@ -236,7 +237,9 @@ def row(robot: str, logs: list[Tried]) -> list[str]:
 def rows(seeds: int, robots: list[str]) -> Iterator[list[str]]:
     """Of each robot what its logs tell."""
     for robot in robots:
-        yield row(robot, [tried(robot, seed) for seed in range(seeds)])
+        found = row(robot, [tried(robot, seed) for seed in range(seeds)])
+        print(" | ".join(found), file=sys.stderr, flush=True)
+        yield found
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from wmr_afl.analysis import plots
 from wmr_afl.analysis.files import keep_only, renewed
 from wmr_afl.analysis.page import inline, write_page
-from wmr_afl.identification.estimate import NOT_DETERMINED
+from wmr_afl.identification.estimate import NOT_DETERMINED, ROUGH, Estimate
 from wmr_afl.identification.held_out import WHOLE, foretold
 from wmr_afl.identification.held_out import WINDOW as PIECE
 from wmr_afl.identification.identify import Identified
@@ -89,17 +89,14 @@ def table_text(found: Identified) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
 
-    def numbers(value: float, interval: float, is_free: bool, is_told: bool) -> list[str]:
-        return [repr(float(value)), repr(float(interval)), _answer(is_free, is_told)]
+    def numbers(one: Estimate, k: int) -> list[str]:
+        return [repr(float(one.unknown[k])), repr(float(one.interval[k])), found.told(one)[k]]
 
     for k, (name, unit) in enumerate(found.effort.units.items()):
-        is_free = bool(found.effort.is_free[k])
-        value, interval, answer = numbers(
-            found.estimate.unknown[k], found.estimate.interval[k], is_free, found.is_determined(found.estimate)[k]
-        )
+        value, interval, answer = numbers(found.estimate, k)
         row = [name, found.effort.formulas[name], unit, value, interval, repr(float(found.share[k])), answer]
         for one in methods.values():
-            row += numbers(one.unknown[k], one.interval[k], is_free, found.is_determined(one)[k])
+            row += numbers(one, k)
         writer.writerow(row)
     return text.getvalue()
 
@@ -127,6 +124,9 @@ def open_ends(found: Identified) -> Iterator[str]:
     if found.undetermined:
         share, names = f"{100 * NOT_DETERMINED:.0f} %", ", ".join(found.undetermined)
         yield f"Not determined (two standard deviations exceed {share}): {names}. Livelier motion tells more."
+    if found.rough:
+        share = f"{100 * ROUGH:.0f} to {100 * NOT_DETERMINED:.0f} %"
+        yield f"Determined roughly (two standard deviations are {share}): {', '.join(found.rough)}."
     if found.physical.scaled:
         names = ", ".join(found.physical.scaled)
         yield (
@@ -203,7 +203,7 @@ def _content(found: Identified, source: str) -> dict[str, Any]:
                 "value": f"{found.estimate.unknown[k]:.5g}",
                 "interval": f"{found.estimate.interval[k]:.2g}",
                 "share": f"{100.0 * found.share[k]:.1f} %",
-                "determined": _answer(bool(effort.is_free[k]), name not in found.undetermined),
+                "determined": found.told()[k],
                 "tried": [f"{one.estimate.unknown[k]:.5g} ± {one.estimate.interval[k]:.2g}" for one in tried],
             }
             for k, (name, unit) in enumerate(effort.units.items())
@@ -239,10 +239,6 @@ def _quality(found: Identified) -> str:
         return "bad"
     is_good = found.chosen.misfit < MUCH_LEFT and found.chosen.score.overall > POOR
     return "good" if is_good else "doubtful"
-
-
-def _answer(is_free: bool, is_told: bool) -> str:
-    return ("yes" if is_told else "no") if is_free else "known"
 
 
 def _percent(fit: float) -> str:

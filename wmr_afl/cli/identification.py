@@ -101,12 +101,12 @@ def _told(found: Identified) -> Iterator[RenderableType]:
     for heading in ("number", "value", "± 2 sd", "unit", "of voltage", "told"):
         numbers.add_column(heading, no_wrap=True)
     numbers.add_column("formula", overflow="fold")
+    told = found.told()
     for k, (name, unit) in enumerate(found.effort.units.items()):
-        is_told = "no" if name in found.undetermined else "yes" if found.effort.is_free[k] else "known"
         number, interval = f"{found.estimate.unknown[k]:.5g}", f"{found.estimate.interval[k]:.2g}"
         formula = found.effort.formulas[name].replace("**", "^")
         short = formula if len(formula) <= LONGEST else formula[: LONGEST - 3] + "..."
-        numbers.add_row(name, number, interval, unit, f"{found.share[k]:.1%}", is_told, escape(short))
+        numbers.add_row(name, number, interval, unit, f"{found.share[k]:.1%}", told[k], escape(short))
     yield numbers
     for gains in found.feedforward or ():
         yield escape(str(gains))

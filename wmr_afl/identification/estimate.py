@@ -11,6 +11,7 @@ from wmr_afl.identification.effort import Effort
 from wmr_afl.numerics.arrays import Floats
 
 VAGUE = 3.0  # times its value, which a number of the description may be off: it only decides what the log leaves open
+ROUGH = 0.05  # of the value, beyond which two standard deviations tell it roughly
 NOT_DETERMINED = 0.3  # of the value, beyond which two standard deviations leave a number undetermined
 
 
@@ -62,11 +63,6 @@ class Estimate:
     def interval(self) -> Floats:
         """Two standard deviations, (unknown,)."""
         return np.asarray(2.0 * np.sqrt(np.maximum(np.diag(self.covariance), 0.0)))
-
-    @property
-    def is_determined(self) -> Floats:
-        """Whether the log tells a number, (unknown,)."""
-        return np.asarray(self.interval <= NOT_DETERMINED * np.abs(self.unknown))
 
 
 def jackknife(normals: Floats, slopes: Floats, prior: Floats) -> Floats:

@@ -23,7 +23,7 @@ from wmr_afl.identification.checks import (
 )
 from wmr_afl.identification.dead_time import CLEAR, dead_time, later
 from wmr_afl.identification.effort import Coulomb, Effort
-from wmr_afl.identification.estimate import Estimate, Prior, prior_of
+from wmr_afl.identification.estimate import NOT_DETERMINED, ROUGH, Estimate, Prior, prior_of
 from wmr_afl.identification.feedforward import Feedforward, feedforward
 from wmr_afl.identification.held_out import Score, score, split
 from wmr_afl.identification.log import Log
@@ -83,17 +83,34 @@ class Identified:
         """The method that foretold best."""
         return next(one for one in self.tried if one.estimate.method == self.estimate.method)
 
-    def is_determined(self, estimate: Estimate) -> Floats:
-        """Whether the log tells a number, (unknown,): to a share of its value, friction to a share of the voltage."""
+    def told(self, estimate: Estimate | None = None) -> list[str]:
+        """How well an estimate, the final one unless given, tells each number: yes, roughly, no; or it is known.
+
+        By two standard deviations as a share of the number, and of friction as a share of the voltage.
+        """
+        estimate = self.estimate if estimate is None else estimate
         most = max(float(np.abs(segment.u).max()) for segment in self.log.segments)
-        volts = np.array([name in self.effort.friction_groups for name in self.names])
-        return np.where(volts & (estimate.interval <= SLIGHT * most), True, estimate.is_determined)
+        answers = []
+        rows = zip(self.names, estimate.interval, np.abs(estimate.unknown), self.effort.is_free, strict=True)
+        for name, interval, size, is_free in rows:
+            is_slight = name in self.effort.friction_groups and interval <= SLIGHT * most
+            if not is_free:
+                answers.append("known")
+            elif interval <= ROUGH * size or is_slight:
+                answers.append("yes")
+            else:
+                answers.append("roughly" if interval <= NOT_DETERMINED * size else "no")
+        return answers
 
     @property
     def undetermined(self) -> list[str]:
         """The numbers of which the log says too little; what is known needs no log."""
-        rows = zip(self.names, self.is_determined(self.estimate), self.effort.is_free, strict=True)
-        return [name for name, is_told, is_free in rows if is_free and not is_told]
+        return [name for name, answer in zip(self.names, self.told(), strict=True) if answer == "no"]
+
+    @property
+    def rough(self) -> list[str]:
+        """The numbers that the log tells roughly."""
+        return [name for name, answer in zip(self.names, self.told(), strict=True) if answer == "roughly"]
 
     @property
     def disagreeing(self) -> list[str]:
@@ -146,10 +163,13 @@ class Identified:
             self.estimate.unknown,
             self.estimate.interval,
             self.share,
+            self.told(),
             strict=True,
         )
-        for name, unit, value, interval, share in rows:
-            told = "not determined" if name in self.undetermined else f"{100 * share:.1f} %"
+        for name, unit, value, interval, share, answer in rows:
+            told = {"no": "not determined", "roughly": f"{100 * share:.1f} %, roughly"}.get(
+                answer, f"{100 * share:.1f} %"
+            )
             lines.append(f"{name:{width}}  {value:12.5g}  {interval:10.2g}  {told} [{unit}]")
         lines += ["", "guess = { " + ", ".join(f"{name} = {value:.5g}" for name, value in self.guess.items()) + " }"]
         return "\n".join(lines)
@@ -286,7 +306,8 @@ def _dead_time(smoother: Smoother, motions: list[Motion], form: WeakForm, delay:
     found, gain = dead_time(smoother, motions, form, _window(motions))
     if gain < CLEAR or abs(found) < 0.25 * motions[0].segment.step:
         return Finding(
-            "dead time", f"none that the log tells clearly ({1e3 * (found + delay):.0f} ms explain {100 * gain:.1f} %)"
+            "dead time",
+            f"none that the log tells clearly ({1e3 * (found + delay):.0f} ms explain {100 * max(gain, 0.0):.1f} %)",
         )
     total = found + delay
     text = (

@@ -43,7 +43,7 @@ class Finding:
 
 
 def check_length(log: Log) -> None:
-    """Whether there is enough of it.
+    """Whether there is enough of it to look at its noise.
 
     Raises:
         WmrError: if the log is too short.
@@ -56,8 +56,9 @@ def check_input(log: Log, noise: Floats) -> None:
     """Whether there is anything to go by.
 
     Raises:
-        WmrError: if the log is at rest, or its voltages never change or are at their limit throughout.
+        WmrError: if the log is too short, at rest, or its voltages never change or are at their limit throughout.
     """
+    check_length(log)
     u = np.concatenate([segment.u for segment in log.segments])
     if not np.any(np.ptp(u, axis=0) > 0.0):
         if not np.any(u):

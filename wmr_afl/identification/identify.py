@@ -149,6 +149,11 @@ class Identified:
             return f"{text}; a contradiction: no possible robot is like that (chi^2/n {self.physical.chi2:.3g})"
         return text
 
+    @property
+    def cost(self) -> float | None:
+        """What output error leaves of what it was made from, in units of the noise (an encoder's step over sqrt 12)."""
+        return next((one.estimate.cost for one in self.tried if one.estimate.cost is not None), None)
+
     def __repr__(self) -> str:
         return f"<Identified {self.model.name}: {self.verdict}>"
 

@@ -107,7 +107,7 @@ class Smoother:
 
         A difference over two samples is the mean of the rate over them; rates and voltages are averaged alike.
         """
-        kernel = parabola(self.half)[0]
+        kernel = parabola(self.half)
         difference = np.array([-0.5, 0.0, 0.5]) / segment.step
         return np.convolve(kernel, [0.25, 0.5, 0.25]), np.convolve(kernel, difference)
 
@@ -115,7 +115,7 @@ class Smoother:
         """The voltages (T, n_u) through the same filter: the mean of those held before and after a sample, smoothed."""
         held = segment.u.copy()
         held[1:] = 0.5 * (segment.u[1:] + segment.u[:-1])
-        u, kernel = np.zeros_like(held), parabola(self.half)[0]
+        u, kernel = np.zeros_like(held), parabola(self.half)
         if len(u) > 2 * self.half + 1:
             u[self.half : -self.half] = np.column_stack([np.correlate(one, kernel, "valid") for one in held.T])
         return u

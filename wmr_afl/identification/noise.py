@@ -13,14 +13,12 @@ _MOST = 0.9  # of the changes that are whole steps where a channel has steps
 _SMALLEST = 1e-9  # of a channel's range: what is smaller is rounding
 
 
-def parabola(half: int, step: float = 1.0) -> tuple[Floats, Floats]:
-    """Weights of 2 half + 1 samples: value and slope, in their middle, of the parabola closest to them.
+def parabola(half: int) -> Floats:
+    """Weights of 2 half + 1 samples: the value in their middle of the parabola closest to them.
 
     Reference: Savitzky, Golay, Smoothing and differentiation of data, Analytical Chemistry 36, 1964.
     """
-    places = np.arange(-half, half + 1.0)
-    level, slope, _ = np.linalg.pinv(np.vander(places, 3, increasing=True))
-    return level, slope / step
+    return np.asarray(np.linalg.pinv(np.vander(np.arange(-half, half + 1.0), 3, increasing=True))[0])
 
 
 def quantum(column: Floats) -> float:
@@ -62,7 +60,7 @@ def is_new(column: Floats) -> NDArray[np.bool_]:
 
 def _scatter(columns: list[Floats]) -> float:
     """The standard deviation about a parabola through seven samples; nothing is more exact than its last digits."""
-    kernel = -parabola(3)[0]
+    kernel = -parabola(3)
     kernel[3] += 1.0
     left = np.concatenate([np.zeros(1), *(np.correlate(one, kernel, "valid") for one in columns if len(one) >= 7)])
     spread = 1.2533 * float(np.mean(np.abs(left))) / float(np.linalg.norm(kernel))  # a median would be that of rest

@@ -175,7 +175,7 @@ def test_voltages_at_their_limit_throughout_are_refused() -> None:
         ([ROBOT, "none.csv"], "none.csv: cannot be read (No such file or directory); name a CSV file"),
         ([ROBOT, "log.csv", "none.csv"], "none.csv: cannot be read"),
         (["car", "log.csv"], "log.csv: column u_drive: is missing; "),
-        ([ROBOT, "log.csv", "--set", "r"], "--set is 'r'; write --set NAME=VALUE, as in --set r=0.076"),
+        ([ROBOT, "log.csv", "--set", "r"], "--set is 'r'; write --set NAME=VALUE, as in --set beta=0.5"),
         ([ROBOT, "log.csv", "--set", "radius=1"], "unknown parameter of type_2_0 'radius'; "),
         ([ROBOT, "log.csv", "--set", "r=0"], "the radius of wheel 'right' is "),
         ([ROBOT, "log.csv", "--set", "m_C=-3"], "m_C = -3 kg is negative; "),

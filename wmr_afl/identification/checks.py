@@ -15,6 +15,7 @@ from wmr_afl.numerics.arrays import Floats
 
 DISAGREE = 0.015  # of a rate, by which encoders and another sensor may differ
 SCATTER = 4.0  # standard deviations of that share, which it must exceed besides
+LATE = 0.01  # [s], by which a sensor may be later than the encoders
 DEGREES = 180.0 / np.pi
 REPEATED = 0.2  # of the samples of a moving channel that only repeat the one before
 STILL = 3.0  # standard deviations of a channel: less is no motion
@@ -156,11 +157,15 @@ def _sensors(smoother: Smoother, motions: list[Motion]) -> Iterator[Finding]:
     name = "encoders against other sensors"
     compared = False
     for k in others:
-        found = _slope(smoother, motions, k, wheels)
+        found = _compared(smoother, motions, k, wheels)
         if found is None:
             continue
         compared, channel = True, smoother.channels[k].name
-        slope, deviation = found
+        slope, deviation = found.slope, found.slope_deviation
+        if abs(found.lag) > max(LATE, SCATTER * found.lag_deviation):
+            when = "later" if found.lag > 0.0 else "earlier"
+            text = f"{channel} comes {1e3 * abs(found.lag):.0f} ms {when} than the encoders"
+            yield Finding("sensors at one time", text, f"log both at the same instant, or leave {channel} out")
         if abs(abs(slope) / DEGREES - 1.0) < 0.1:
             yield Finding(
                 name, f"{channel} is {abs(slope):.1f} times what the encoders say", f"convert {channel} to rad"
@@ -177,27 +182,40 @@ def _sensors(smoother: Smoother, motions: list[Motion]) -> Iterator[Finding]:
         yield Finding(name, "nothing to compare: no sensor besides the encoders says the same")
 
 
-def _slope(smoother: Smoother, motions: list[Motion], k: int, wheels: list[int]) -> tuple[float, float] | None:
-    """A channel's rate over what encoders say of it, and the standard deviation of that; None if they say nothing."""
+@dataclass(frozen=True)
+class _Comparison:
+    """A channel's rate y beside what the encoders say of it, x: y = slope (x - lag x')."""
+
+    slope: float
+    slope_deviation: float
+    lag: float  # [s], by which it is later than the encoders
+    lag_deviation: float
+
+
+def _compared(smoother: Smoother, motions: list[Motion], k: int, wheels: list[int]) -> _Comparison | None:
+    """By least squares over all motions; None if encoders say nothing of the channel."""
     effort = smoother.effort
-    told, seen = [], []
+    columns, seen = [np.empty((0, 2))], [np.empty(0)]
     for motion in motions:
         good = np.flatnonzero(motion.ok)
-        q = motion.x[good, : effort.n]
-        rows, rates = smoother.rows(q), motion.rates
+        if len(good) < 3:
+            continue
+        rows, rates = smoother.rows(motion.x[good, : effort.n]), motion.rates[good]
         own, encoders = rows[:, k], rows[:, wheels]
         combination = np.einsum("ti,tij->tj", own, np.linalg.pinv(encoders, rcond=1e-9))
         left = np.linalg.norm(own - np.einsum("tj,tji->ti", combination, encoders), axis=1)
         follows = left < 1e-6 * np.linalg.norm(own, axis=1)
-        told.append(np.einsum("tj,tj->t", combination, rates[good][:, wheels])[follows])
-        seen.append(rates[good, k][follows])
-    x, y = np.concatenate(told), np.concatenate(seen)
-    if len(x) < 50 or not np.any(x):
+        told = np.einsum("tj,tj->t", combination, rates[:, wheels])
+        columns.append(np.column_stack([told, -np.gradient(told, motion.segment.step)])[follows])
+        seen.append(rates[follows, k])
+    x, y = np.concatenate(columns), np.concatenate(seen)
+    if len(x) < 50 or not np.all(np.any(x, axis=0)):
         return None
-    slope = float(x @ y / (x @ x))
-    rest = y - slope * x
+    found = np.linalg.lstsq(x, y, rcond=None)[0]
     correlated = 2 * smoother.half + 1
-    return slope, float(np.sqrt(correlated * np.mean(rest**2) / (x @ x)))
+    spread = np.sqrt(correlated * np.mean((y - x @ found) ** 2) * np.diag(np.linalg.inv(x.T @ x)))
+    slope, lag = float(found[0]), float(found[1] / found[0]) if found[0] else 0.0
+    return _Comparison(slope, float(spread[0]), lag, float(spread[1] / abs(slope)) if slope else np.inf)
 
 
 def _repeated(log: Log, periods: Floats) -> Iterator[Finding]:

@@ -24,7 +24,9 @@ def models() -> None:
         for name in list_models():
             model = load_model(name)
             count = f"{len(model.base_parameter_units)}, {model.parametrization}"
-            table.add_row(name, escape(model.title), model.findings["type"], count, ", ".join(model.output_units))
+            table.add_row(
+                name, escape(model.title), escape(model.findings["type"]), count, ", ".join(model.output_units)
+            )
     console.print(table)
     console.print(f"experiments: {', '.join(list_experiments())}")
 

@@ -48,7 +48,8 @@ def describe(model: Model) -> Iterator[RenderableType]:
 
     add(
         "type",
-        f"{found['type']}: mobility {found['degree_of_mobility']}, steerability {found['degree_of_steerability']}",
+        f"{escape(found['type'])}: mobility {found['degree_of_mobility']}, "
+        f"steerability {found['degree_of_steerability']}",
     )
     add("state", _with_units(model.state_units))
     add("inputs", _with_units(model.input_units) or "none")

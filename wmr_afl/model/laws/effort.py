@@ -13,6 +13,11 @@ def _has_effort(model: Model) -> bool:
     return model.has("effort_regressor")
 
 
+def _reaches_every_motion(model: Model) -> bool:
+    """Fewer motors than pseudo-velocities bring about too few motions to tell all numbers apart."""
+    return _has_effort(model) and len(model.input_units) >= model.pseudo_velocity_count
+
+
 def _ratios(s: Situation, p: Floats) -> Floats:
     """rho, one where motors have equal gains."""
     return np.asarray(s.numpy.gain_ratios(p)) if s.numpy.has("gain_ratios") else np.ones((*p.shape[:-1], s.u.shape[1]))
@@ -55,5 +60,5 @@ LAWS = (
     Law(
         "effort map", "each row of X^T K1 is a factor times one of R diag(rho)", 1e-12, _rows_of_the_motors, _has_effort
     ),
-    Law("minimal effort parameters", "the stacked Y and u have full column rank", 0.0, _minimal, _has_effort),
+    Law("minimal effort parameters", "the stacked Y and u have full column rank", 0.0, _minimal, _reaches_every_motion),
 )

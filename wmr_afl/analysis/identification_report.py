@@ -235,7 +235,7 @@ def _content(found: Identified, source: str) -> dict[str, Any]:
 
 def _quality(found: Identified) -> str:
     """How the verdict looks."""
-    if found.physical.is_contradiction:
+    if found.is_contradiction:
         return "bad"
     is_good = found.chosen.misfit < MUCH_LEFT and found.chosen.score.overall > POOR
     return "good" if is_good else "doubtful"

@@ -47,7 +47,7 @@ def identify(
 ) -> None:
     """Find a robot's parameters from logs of its voltages and motion; write numbers, a table and a report.
 
-    Exit with 1 if no possible robot is like that.
+    Exit with 1 if the robot does not match the log, or no possible robot is like that.
     """
     from wmr_afl.analysis.files import check_writable
     from wmr_afl.analysis.identification_report import write_identification
@@ -80,7 +80,7 @@ def identify(
     for part in _told(found):
         console.print(part)
     say(f"{', '.join(file.name for file in files)} in {folder}")
-    if found.physical.is_contradiction:
+    if found.is_contradiction:
         raise typer.Exit(1)
 
 

@@ -31,10 +31,10 @@ def dead_time(smoother: Smoother, motions: Sequence[Motion], weak: WeakForm, win
     tried = np.linspace(-0.5 * MOST, MOST, 3 * count + 1)
     left = [weak.estimate(_delayed(smoother, motions, delay)).left for delay in tried]
     best = int(np.argmin(left))
-    found = float(tried[best])
-    if 0 < best < len(tried) - 1:
-        curve = np.polyfit(tried[best - 1 : best + 2], left[best - 1 : best + 2], 2)
-        found = float(-curve[1] / (2.0 * curve[0]))
+    if best in (0, len(tried) - 1):  # it would go on: what is wrong is something else
+        return float(tried[best]), 0.0
+    curve = np.polyfit(tried[best - 1 : best + 2], left[best - 1 : best + 2], 2)
+    found = float(-curve[1] / (2.0 * curve[0]))
     misfits = []
     for delay in (0.0, found):
         moved = _delayed(smoother, motions, delay)

@@ -10,7 +10,6 @@ the first one is kappa/rho of its own volts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -20,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.errors import MissingTermError
+from wmr_afl.identification.alike import gain_kinds, is_geometry, motor_kinds
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.complementarity import stopping_forces
@@ -61,24 +61,16 @@ class Effort:
     @cached_property
     def friction_groups(self) -> dict[str, list[int]]:
         """Name -> motors that rub alike."""
-        motors: Mapping[str, Mapping[str, str]] = self.model.metadata["motors"]
-        if self.coulomb == "none":
-            return {}
-        kinds: dict[object, list[int]] = {}
-        for j, (name, motor) in enumerate(motors.items()):
-            kind = name if self.coulomb == "each" else (motor["torque_gain"], motor["back_emf"])
-            kinds.setdefault(kind, []).append(j)
-        names = list(motors)
-        return {f"coulomb_{names[group[0]]}": group for group in kinds.values()}
+        names = list(self.model.input_units)
+        each = [[j] for j in range(len(names))]
+        groups = {"each": each, "grouped": motor_kinds(self.model), "none": []}[self.coulomb]
+        return {f"coulomb_{names[group[0]]}": group for group in groups}
 
     @cached_property
     def ratio_groups(self) -> dict[str, list[int]]:
         """Name -> motors whose gain is that many times the first one's."""
-        kinds: dict[str, list[int]] = {}
         names = list(self.model.input_units)
-        for motor, formula in self.model.metadata["gain_ratio_formulas"].items():
-            kinds.setdefault(formula, []).append(names.index(motor))
-        return {f"gain_ratio_{names[group[0]]}": group for group in kinds.values()}
+        return {f"gain_ratio_{names[group[0]]}": group for group in gain_kinds(self.model)}
 
     @cached_property
     def units(self) -> dict[str, str]:
@@ -243,20 +235,12 @@ class Effort:
     @cached_property
     def sought(self) -> tuple[int, ...]:
         """Parameters that a log is asked for: neither lengths in S, X or c, nor given, nor absent (zero)."""
-        names, random = list(self.model.parameter_units), np.random.default_rng(0)
-        q, p = random.normal(size=(6, self.n)), np.where(self.p != 0.0, self.p, 0.1)
-
-        def at(p: Floats) -> Floats:
-            parts = (self.model.kinematic_matrix(q, p), self.model.actuator_rates_matrix(q, p))
-            return np.concatenate([np.asarray(part).ravel() for part in parts])
-
-        def is_free(k: int) -> bool:
-            if names[k] in self.given or names[k] in self.model.known_units:
-                return False
-            return (self.is_length[k] or self.p[k] != 0.0) and np.allclose(at(p * (1.0 + 0.01 * unit[k])), at(p), 1e-12)
-
-        unit = np.eye(len(names))
-        return tuple(k for k in range(len(names)) if is_free(k))
+        rows = zip(self.model.parameter_units, is_geometry(self.model, self.p), self.is_length, self.p, strict=True)
+        return tuple(
+            k
+            for k, (name, is_known, is_length, value) in enumerate(rows)
+            if not is_known and name not in self.given and (is_length or value != 0.0)
+        )
 
     @cached_property
     def is_free(self) -> NDArray[np.bool_]:

@@ -57,7 +57,6 @@ class Estimate:
     unknown: Floats  # (unknown,)
     covariance: Floats  # (unknown, unknown), of noise
     cost: float | None = None  # root mean square of what is left of the windows, in units of the noise
-    condition: float | None = None  # of the scaled equations
 
     @property
     def interval(self) -> Floats:

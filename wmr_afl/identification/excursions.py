@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from wmr_afl.errors import UnknownNameError, WmrError
+from wmr_afl.identification.alike import is_geometry
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
 from wmr_afl.numerics.formulas import numpy_value
@@ -182,20 +183,7 @@ def others(model: Model, p: Floats, count: int, seed: int) -> Floats:
 
     Lengths that the kinematics depend on, and known constants, are kept. Every other robot is off by all of SPREAD.
     """
-    random, names = np.random.default_rng(seed), list(model.parameter_units)
-    kept = [name in model.known_units or _is_kinematic(model, p, index) for index, name in enumerate(names)]
-    off = random.uniform(-SPREAD, SPREAD, (count, len(names)))
+    off = np.random.default_rng(seed).uniform(-SPREAD, SPREAD, (count, len(p)))
     off[1::2] = SPREAD * np.sign(off[1::2])
     off[0] = 0.0
-    return p * (1.0 + np.where(kept, 0.0, off))
-
-
-def _is_kinematic(model: Model, p: Floats, index: int) -> bool:
-    """Whether the rates of coordinates or motors depend on a parameter."""
-    q = np.random.default_rng(0).normal(size=model.coordinate_count)
-    changed = p.copy()
-    changed[index] = 1.1 * p[index] + 0.01
-    return any(
-        not np.array_equal(getattr(model, term)(q, p), getattr(model, term)(q, changed))
-        for term in ("kinematic_matrix", "actuator_rates_matrix")
-    )
+    return p * (1.0 + np.where(is_geometry(model, p), 0.0, off))

@@ -13,7 +13,6 @@ from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.estimate import Estimate
 from wmr_afl.identification.log import Log
 from wmr_afl.identification.motion import Motion
-from wmr_afl.identification.output_error import delayed
 from wmr_afl.identification.simulated import Simulated
 from wmr_afl.numerics.arrays import Floats
 
@@ -49,7 +48,7 @@ def split(log: Log, hold_out: str | float) -> tuple[Log, Log]:
     return log.of(kept), log.of([one.part(cut, len(one)) for one, cut in zip(log.segments, cuts, strict=True)])
 
 
-def foretold(effort: Effort, motion: Motion, estimate: Estimate, delay: float = 0.0) -> tuple[NDArray[np.intp], Floats]:
+def foretold(effort: Effort, motion: Motion, estimate: Estimate) -> tuple[NDArray[np.intp], Floats]:
     """Rows (T,) of a motion, and v (T, n-m) simulated there from the voltages alone, window after window.
 
     A window begins with the measured state.
@@ -61,8 +60,7 @@ def foretold(effort: Effort, motion: Motion, estimate: Estimate, delay: float = 
     duration = len(good) * segment.step
     count = len(good) - 1 if duration <= WHOLE else min(len(good) - 1, round(WINDOW / segment.step))
     starts = np.arange(good[0], good[-1] - count + 1, count)
-    u = delayed(segment.u, delay, segment.step)
-    held = np.stack([u[start : start + count] for start in starts])
+    held = np.stack([segment.u[start : start + count] for start in starts])
     numbers = np.repeat(estimate.unknown[None], len(starts), axis=0)
     states = Simulated(effort, segment.step).states(numbers, motion.x[starts], held)
     rows = (starts[:, None] + np.arange(count)).ravel()
@@ -78,12 +76,12 @@ class Score:
     overall: float  # [%], of all motors' rates together, in which each has its weight
 
 
-def score(effort: Effort, motions: Sequence[Motion], estimate: Estimate, delay: float = 0.0) -> Score:
+def score(effort: Effort, motions: Sequence[Motion], estimate: Estimate) -> Score:
     """How well an estimate foretells what was held out."""
     velocities: list[tuple[Floats, Floats]] = []
     rates: list[tuple[Floats, Floats]] = []
     for motion in motions:
-        rows, simulated = foretold(effort, motion, estimate, delay)
+        rows, simulated = foretold(effort, motion, estimate)
         x = motion.x[rows]
         velocities.append((x[:, effort.n :], simulated))
         rates.append((effort.rates(x), effort.rates(np.hstack([x[:, : effort.n], simulated]))))

@@ -145,9 +145,21 @@ class Identified:
         leaves = f"leaves {best.misfit:.2f} times the measurement's noise, " if np.isfinite(best.misfit) else ""
         fit = f"{best.score.overall:.1f} %" if np.isfinite(best.score.overall) else "nothing"
         text = f"{best.estimate.method}: {leaves}foretells {fit} of what was held out"
+        if not self.is_explained:
+            return f"{text}: this robot does not match the log; look at the checks, signs of voltages and lengths"
         if self.physical.is_contradiction:
             return f"{text}; a contradiction: no possible robot is like that (chi^2/n {self.physical.chi2:.3g})"
         return text
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether what was held out is foretold better than by its mean."""
+        return self.chosen.score.overall > 0.0
+
+    @property
+    def is_contradiction(self) -> bool:
+        """Whether the log contradicts the description: not explained, or by no possible robot only."""
+        return self.physical.is_contradiction or not self.is_explained
 
     @property
     def cost(self) -> float | None:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.errors import WmrError
+from wmr_afl.identification.alike import gain_kinds, motor_kinds
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 
@@ -54,16 +55,16 @@ def unknowns(model: Model, parameters: Floats, volts: float) -> Unknowns:
     a = made.state_derivative(x, u, np.zeros(model.pseudo_velocity_count), parameters)[n:]
     effort = made.effort_map(x[:n], c) @ ca.diag(rho)
     friction = effort @ ca.diag(ca.tanh(made.actuator_rates_matrix(x[:n], parameters) @ x[n:] / ROUNDED))
-    of_ratios, of_friction = _kinds(list(model.metadata["gain_ratio_formulas"].items())), _motor_kinds(model)
+    of_ratios, of_friction = gain_kinds(model), motor_kinds(model)
     motors = list(model.input_units)
     columns = [made.effort_regressor(x, a, c) @ ca.diag(np.where(pi == 0.0, 1.0, np.abs(pi)))]
-    columns += [-sum(effort[:, motors.index(j)] * u[motors.index(j)] for j in kind) for kind in of_ratios]
-    columns += [FRICTION * volts * sum(friction[:, motors.index(j)] for j in kind) for kind in of_friction]
+    columns += [-(effort[:, kind] @ u[kind]) for kind in of_ratios]
+    columns += [FRICTION * volts * ca.sum2(friction[:, kind]) for kind in of_friction]
     together = ca.diag(1.0 / _row_sizes(model, c, rho)) @ ca.horzcat(*columns)
     names = [
         *model.units_of("effort_parameters"),
-        *(f"torque gain of {kind[0]}" for kind in of_ratios),
-        *(f"friction of {kind[0]}" for kind in of_friction),
+        *(f"torque gain of {motors[kind[0]]}" for kind in of_ratios),
+        *(f"friction of {motors[kind[0]]}" for kind in of_friction),
     ]
     return Unknowns(tuple(names), ca.Function("columns", [x, u], [ca.densify(together)]))
 
@@ -87,20 +88,6 @@ def deviations(information: Floats, noise: float) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         variances = np.where(shares > 0.0, shares / np.maximum(values, 0.0), 0.0).sum(axis=1)
     return noise * np.sqrt(variances)
-
-
-def _kinds(formulas: list[tuple[str, str]]) -> list[list[str]]:
-    """Motors by equal formulas, in the order of their first."""
-    kinds: dict[str, list[str]] = {}
-    for motor, formula in formulas:
-        kinds.setdefault(formula, []).append(motor)
-    return list(kinds.values())
-
-
-def _motor_kinds(model: Model) -> list[list[str]]:
-    """Motors of equal constants."""
-    motors = model.metadata["motors"].items()
-    return _kinds([(name, f"{motor['torque_gain']}, {motor['back_emf']}") for name, motor in motors])
 
 
 def _row_sizes(model: Model, c: Floats, rho: Floats) -> Floats:

@@ -19,7 +19,7 @@ from wmr_afl.errors import SimulationError
 from wmr_afl.identification.estimate import Estimate, Prior, jackknife
 from wmr_afl.identification.motion import Motion, Smoother
 from wmr_afl.identification.noise import is_new
-from wmr_afl.identification.simulated import FINEST, SUBSTEP, Simulated, told
+from wmr_afl.identification.simulated import FINEST, SUBSTEP, Simulated, channel_values
 from wmr_afl.numerics.arrays import Floats
 
 WINDOW = 1.0  # [s]
@@ -261,19 +261,15 @@ class OutputError:
 
     def _found(self, unknown: Floats, scale: Floats, now: _Linearized) -> SimulatedEstimate:
         weight = self._weight(now)
-        gram = np.einsum("w,wij->ij", weight, now.gram)[:-1, :-1]
         windows = weight[:, None, None] * now.gram
         covariance = jackknife(windows[:, :-1, :-1], windows[:, :-1, -1], scale**2 * self._precision(now))
         covariance = covariance * np.outer(scale, scale)
-        sizes = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        values = np.linalg.eigvalsh(gram / np.outer(sizes, sizes))
         left = self.error * np.sqrt(self.weight @ now.channels / self.samples * len(self.channels))
         return SimulatedEstimate(
             "output error",
             unknown=self.prior.whole(unknown),
             covariance=self.prior.spread_out(covariance),
             cost=float(np.sqrt(np.mean((left / self.noise) ** 2))),
-            condition=float(np.sqrt(values[-1] / max(values[0], 1e-300))),
             left=left,
         )
 
@@ -335,6 +331,6 @@ class OutputError:
     def _simulated(self, numbers: Floats, x0: Floats, u: Floats, step: float) -> Floats:
         """The used channels (N, K+1, .) of motions from x0 (N, 2n-m) under u (N, K, n_u), less where they begin."""
         states = Simulated(self.effort, step, self.substep).states(self.prior.whole(numbers), x0, u)
-        every = told(self.effort, self.channels, states.transpose(1, 0, 2).reshape(states.shape[1], -1))
+        every = channel_values(self.effort, self.channels, states.transpose(1, 0, 2).reshape(states.shape[1], -1))
         every = every.reshape(len(states), len(x0), -1).transpose(1, 0, 2)
         return np.asarray(every - every[:, :1])

@@ -77,7 +77,7 @@ def _external(name: str, text: str) -> ca.Function:
     return ca.external(name, library(text, is_fused=False)._name)
 
 
-def told(effort: Effort, channels: Sequence[Channel], state: Floats) -> Floats:
+def channel_values(effort: Effort, channels: Sequence[Channel], state: Floats) -> Floats:
     """What the channels would measure at states [q; v; motors' angles] (size, N): (N, channels)."""
     n, size = effort.n, effort.n + effort.n_v
     q, v = state[:n].T, state[n:size].T

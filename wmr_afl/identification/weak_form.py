@@ -140,15 +140,10 @@ class WeakForm:
         clusters = [slice(end, end + ends.step) for end in ends]
         normals = np.stack([rows[one].T @ rows[one] for one in clusters])
         covariance = jackknife(normals, np.stack([scores[one].sum(axis=0) for one in clusters]), precision)
-        normal = normals.sum(axis=0)
-        sizes = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        values = np.linalg.eigvalsh(normal / np.outer(sizes, sizes))
-        condition = float(np.sqrt(values[-1] / max(values[0], 1e-300)))
         return WeakEstimate(
             "weak form",
             self.prior.whole(unknown),
             self.prior.spread_out(covariance),
-            condition=condition,
             share=share * np.abs(self.prior.whole(unknown)),
             left=float(np.sqrt(np.mean((shares * left / size) ** 2))),
         )

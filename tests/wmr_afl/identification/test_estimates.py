@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from tests.wmr_afl.identification.rehearsed import ROBOTS, RUBS, driven, effort_of, logged, truth
 from wmr_afl import WmrError
+from wmr_afl.cli import app
+from wmr_afl.identification.alike import is_geometry, motor_kinds
 from wmr_afl.identification.dead_time import dead_time
 from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.estimate import Estimate, jackknife, prior_of
+from wmr_afl.identification.excursions import others
 from wmr_afl.identification.held_out import foretold, score, split
 from wmr_afl.identification.identify import identify
+from wmr_afl.identification.log_file import write_log
 from wmr_afl.identification.motion import Smoother
 from wmr_afl.identification.output_error import OutputError, delayed, windows_of
 from wmr_afl.identification.physical import physical
@@ -255,3 +261,40 @@ def test_it_prints_what_it_found() -> None:
         assert wanted in text
     assert repr(made).startswith("<Identified type_2_0: output error: leaves ")
     assert made.estimate.unknown[-1] == pytest.approx(RUBS, rel=0.1)
+
+
+def test_a_log_of_something_else_is_a_contradiction(tmp_path: Path) -> None:
+    """Voltages of another drive explain nothing: one line says so, and the exit status is 1; the right ones do."""
+    right, other = driven("type_2_0").log(Sensors()), driven("type_2_0", seed=5)
+    wrong = right.of([replace(one, u=other.applied) for one in right.segments])
+    for log, status in ((right, 0), (wrong, 1)):
+        write_log(log, tmp_path / "log.csv")
+        done = CliRunner().invoke(
+            app, ["identify", "type_2_0", str(tmp_path / "log.csv"), "--out", str(tmp_path / "out")]
+        )
+        assert done.exit_code == status, done.output
+        assert ("this robot does not match the log" in " ".join(done.output.split())) == bool(status)
+
+
+def test_a_delay_at_the_edge_of_what_is_tried_is_not_believed() -> None:
+    """Voltages half a second off look better and better the further they are moved: what is wrong is something else."""
+    log = logged("type_2_0")
+    smoother = Smoother(effort_of("type_2_0"), log.channels, np.array([1e-3, 1e-3, 1e-2]), np.ones(3), 3)
+    form = WeakForm(smoother.effort, prior_of(smoother.effort, 10.0), 0.24, (0, 1))
+    moved = log.of([replace(one, u=np.roll(one.u, -8, axis=0)) for one in log.segments])
+    found, gain = dead_time(smoother, [smoother.motion(one) for one in moved.segments], form, 1.0)
+    assert (found, gain) == (pytest.approx(0.12), 0.0)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_motors_and_lengths_are_told_apart_once(robot: str) -> None:
+    """What identification asks for and what a design of voltages lets vary are the same parameters."""
+    effort = effort_of(robot)
+    known = is_geometry(effort.model, effort.p)
+    varied = np.any(others(effort.model, effort.p, 8, 0) != effort.p, axis=0)
+    assert set(np.flatnonzero(varied)) <= set(effort.sought)
+    assert not any(known[k] for k in effort.sought)
+    motors = list(effort.model.input_units)
+    assert sorted(j for kind in motor_kinds(effort.model) for j in kind) == list(range(len(motors)))
+    moved = effort.model.actuator_rates_matrix(np.full(effort.n, 0.3), effort.p * 1.1)
+    assert any(known) or np.allclose(moved, effort.motor_rates(np.full(effort.n, 0.3)))

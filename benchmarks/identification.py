@@ -242,13 +242,55 @@ def rows(seeds: int, robots: list[str]) -> Iterator[list[str]]:
         yield found
 
 
+FAULTS = ["log", "what the check says", "largest error of pi [%]"]
+
+
+def faults() -> Iterator[list[str]]:
+    """What a log of type_2_0 may do wrong, what is said of it, and what it does to the base parameters."""
+    made = driven("type_2_0", 1000, SECONDS)
+    log = made.log(Sensors(seed=0))
+    (one,) = log.segments
+    dead = one.z.copy()
+    dead[:, 1] = dead[0, 1]
+    radius = float(made.model.parameters()[list(made.model.parameter_units).index("r")])
+    every = np.arange(len(one)) // 4 * 4
+    for name, word, segment, options in (
+        ("as it is", "dead time", one, {}),
+        ("voltages 40 ms early", "dead time", dataclasses.replace(one, u=np.roll(one.u, -2, axis=0)), {}),
+        (
+            "the same, --delay 0.04",
+            "dead time",
+            dataclasses.replace(one, u=np.roll(one.u, -2, axis=0)),
+            {"delay": 0.04},
+        ),
+        ("wheel radius 3 % wrong", "encoders", one, {"parameters": {"r": 1.03 * radius}}),
+        ("gyroscope reversed", "encoders", dataclasses.replace(one, z=one.z * [1.0, 1.0, -1.0]), {}),
+        ("an encoder dead", "dead encoder", dataclasses.replace(one, z=dead), {}),
+        ("written four times as often as measured", "repeated", dataclasses.replace(one, z=one.z[every]), {}),
+    ):
+        found = identify(made.model, log.of([segment]), coulomb="each", **options)  # type: ignore[arg-type]
+        said = next(str(check) for check in found.checks if check.name.startswith(word))
+        pi = found.effort.base(made.model.parameters())
+        worst = 100.0 * np.abs(found.estimate.unknown[: len(pi)] / pi - 1.0).max()
+        yield [name, said, f"{worst:.2g}"]
+
+
 def main() -> None:
     """Print the table, and write it into a page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--robots", nargs="*", default=list(PLANS))
     parser.add_argument("--page", type=Path)
+    parser.add_argument("--faults", action="store_true", help="logs that are wrong, instead")
     given = parser.parse_args()
+    if given.faults:
+        told = list(faults())
+        Console(width=160).print(in_terminal(FAULTS, told))
+        if given.page:
+            replace_between(
+                given.page, ("<!-- faults -->", "<!-- end of faults -->"), in_markdown(FAULTS, told, left=2)
+            )
+        return
     found = list(rows(given.seeds, given.robots))
     Console(width=200).print(in_terminal(HEADINGS, found))
     if given.page:

@@ -236,3 +236,20 @@ def test_a_log_that_tells_nothing_is_refused(u: np.ndarray | None, z: float, tol
     check_input(log, standard_deviations(log, np.ones(3)))
     with pytest.raises(WmrError, match="the log lasts"):
         check_length(log.of([segment.part(0, 50)]))
+
+
+def test_rates_and_voltages_pass_the_same_filter() -> None:
+    """A wheel that turns as fast as it has volts: its encoder's rate is the voltage, smoothed; a rate sensor's nearly.
+
+    Otherwise what changes fast is seen too small on one side of the equation.
+    """
+    step, volts = 0.02, np.random.default_rng(0).normal(size=(120, 2))
+    angles = step * np.vstack([np.zeros((1, 2)), np.cumsum(volts, axis=0)[:-1]])
+    time = step * np.arange(120)
+    log = log_of(UNICYCLE, time, volts, {"angle:u_r": angles[:, 0], "angle:u_l": angles[:, 1]})
+    (motion,) = motions_of(smoother_of(log, "type_2_0"), log)
+    np.testing.assert_allclose(motion.rates[motion.ok], motion.u[motion.ok], atol=1e-12)
+    turning = {"angle:u_r": np.sin(12.0 * time) / 12.0, "rate:u_r": np.cos(12.0 * time), "angle:u_l": time}
+    log = log_of(UNICYCLE, time, volts, turning)
+    (motion,) = motions_of(smoother_of(log, "type_2_0"), log)
+    assert np.abs(motion.rates[:, 0] - motion.rates[:, 1])[motion.ok].max() < 0.006  # 0.01 if only one is averaged

@@ -124,8 +124,7 @@ def naive(effort: Effort, log: Log) -> Floats:
     from wmr_afl.identification.motion import Smoother
     from wmr_afl.identification.noise import standard_deviations
 
-    ones = np.ones(len(log.channels))
-    smoother = Smoother(effort, log.channels, standard_deviations(log, ones), ones, 1)
+    smoother = Smoother(effort, log.channels, standard_deviations(log), width=0.0, least=1)
     motion = smoother.motion(log.segments[0])
     x, u = motion.x[motion.ok], motion.u[motion.ok]
     a = np.gradient(x[:, effort.n :], log.segments[0].step, axis=0)

@@ -20,15 +20,13 @@ from rich.console import Console
 
 from benchmarks.tables import in_markdown, in_terminal, replace_between
 from wmr_afl import load_model
-from wmr_afl.identification.checks import updates
 from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.estimate import Estimate
 from wmr_afl.identification.held_out import score
 from wmr_afl.identification.identify import Identified, identify
 from wmr_afl.identification.log import Log, Segment
 from wmr_afl.identification.log_file import read_log
-from wmr_afl.identification.motion import Smoother, half_width, with_rest
-from wmr_afl.identification.noise import standard_deviations
+from wmr_afl.identification.motion import with_rest
 
 MARKS = "<!-- real logs -->", "<!-- end of real logs -->"
 HEADINGS = ["log", "motion", "", "kS [V]", "kV [V s/m]", "kA [V s^2/m]"]
@@ -59,7 +57,7 @@ ROBOTS = {
 def found_from(log: Log, robot: Drivetrain) -> Identified:
     """The centre of mass on the axle, as SysId has it; a motion that is not driven stays as it is described."""
     lengths = {"r": robot.radius, "b": robot.half_track, "d": 0.0}
-    return identify(log.model, log, parameters=lengths, partial=True)
+    return identify(log.model, log, parameters=lengths, hold_out="*backward", partial=True)
 
 
 def unknown_of(robot: Drivetrain, effort: Effort) -> np.ndarray:
@@ -88,17 +86,15 @@ def fits(name: str, folder: Path) -> Iterator[list[str]]:
     """How well backward tests are foretold from forward ones."""
     robot = ROBOTS[name]
     log = read_log(load_model("type_2_0"), folder / robot.file)
-    forward = log.of([one for one in log.segments if "forward" in one.name])
-    found = found_from(forward, robot)
-    effort, periods = found.effort, updates(log)
-    smoother = Smoother(effort, log.channels, standard_deviations(log, periods), periods, half_width(log, periods))
+    found = found_from(log, robot)
+    effort, smoother = found.effort, found.smoother
     is_rate = np.array([one.is_rate for one in log.channels])
     stated = Estimate("stated", unknown_of(robot, effort), np.zeros((len(effort.units),) * 2))
     for segment in log.segments:
         if "backward" in segment.name:
             motion = smoother.motion(_transient(with_rest(segment, is_rate)))
             every = [stated, *(one.estimate for one in found.tried)]
-            yield [name, segment.name, *(f"{score(effort, [motion], one).overall:.1f}" for one in every)]
+            yield [name, segment.name, *(f"{score(smoother, [motion], one).overall:.1f}" for one in every)]
 
 
 def _transient(segment: Segment) -> Segment:

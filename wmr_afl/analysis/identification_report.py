@@ -155,7 +155,7 @@ def figures(found: Identified) -> dict[str, Figure]:
 def _speeds(found: Identified, motion: Motion) -> Figure | None:
     """One segment; None if it is too short to be simulated."""
     n, units = found.effort.n, list(found.model.state_units.items())
-    rows, simulated = foretold(found.effort, motion, found.chosen.estimate)
+    rows, simulated = foretold(found.smoother, motion, found.chosen.estimate)
     chosen = motion.segment.time[rows] <= motion.segment.start + LONGEST
     rows, simulated = rows[chosen], simulated[chosen]
     if len(rows) == 0:

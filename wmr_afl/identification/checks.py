@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from wmr_afl.errors import WmrError
 from wmr_afl.identification.log import Log
 from wmr_afl.identification.motion import Motion, Smoother
-from wmr_afl.identification.noise import quantum
 from wmr_afl.numerics.arrays import Floats
 
 DISAGREE = 0.015  # of a rate, by which encoders and another sensor may differ
 SCATTER = 4.0  # standard deviations of that share, which it must exceed besides
 LATE = 0.01  # [s], by which a sensor may be later than the encoders
 DEGREES = 180.0 / np.pi
-REPEATED = 0.2  # of the samples of a moving channel that only repeat the one before
 STILL = 3.0  # standard deviations of a channel: less is no motion
 ALIKE = 0.9  # of the samples at which two motors have the same voltage to the last digit
 MISSING = 5.0  # times its noise, that a pseudo-velocity has at least
@@ -80,32 +78,6 @@ def check_input(log: Log, noise: Floats) -> None:
         )
 
 
-def unwrapped(log: Log) -> tuple[Log, list[Finding]]:
-    """The log with angles that go on where they began anew after a turn, as a heading between -pi and pi does."""
-    units = list(log.model.state_units.values())
-    is_angle = [not one.is_rate and (one.matrix == "motor" or units[one.index] == "rad") for one in log.channels]
-    wraps = [
-        k
-        for k in np.flatnonzero(is_angle)
-        if any(_begins_anew(np.abs(np.diff(segment.z[:, k]))) for segment in log.segments)
-    ]
-    if not wraps:
-        return log, []
-    segments = []
-    for segment in log.segments:
-        z = segment.z.copy()
-        z[:, wraps] = np.unwrap(z[:, wraps], axis=0)
-        segments.append(replace(segment, z=z))
-    names = ", ".join(log.channels[k].name for k in wraps)
-    return log.of(segments), [Finding("turns", f"{names} begins anew after a turn: counted on")]
-
-
-def _begins_anew(changes: Floats) -> bool:
-    """Whether an angle changes by a turn at some samples, and by little at all others."""
-    is_turn = np.abs(changes - 2.0 * np.pi) < 0.5 * np.pi
-    return bool(is_turn.any() and np.all(changes[~is_turn] < 0.5 * np.pi))
-
-
 def dead_encoders(log: Log) -> list[int]:
     """Channels of motors that stand still, although the motor has voltage."""
     u = np.concatenate([segment.u for segment in log.segments])
@@ -127,26 +99,12 @@ def missing_motions(smoother: Smoother, motions: list[Motion]) -> list[str]:
     return [name for name, own, least in zip(names, size, MISSING * noise, strict=True) if own < least]
 
 
-def updates(log: Log) -> Floats:
-    """How many samples a channel keeps its value while it moves, (channels,): 1 if each sample is a new one."""
-    found = np.ones(len(log.channels))
-    for segment in log.segments:
-        for k, z in enumerate(segment.z.T):
-            if len(z) < 50:
-                continue
-            step = quantum(z)
-            over = np.abs(z[8:] - z[:-8]) / 8.0  # a sample, on average over eight: steps of an encoder hide no repeats
-            moving = (over > 3.0 * step) & (over > 0.0)
-            share = np.mean(np.diff(z)[3:-4][moving] == 0.0) if moving.sum() > 30 else 0.0
-            if share > REPEATED:
-                found[k] = max(found[k], 1.0 / (1.0 - min(share, 0.95)))
-    return found
-
-
-def findings(smoother: Smoother, log: Log, motions: list[Motion], periods: Floats) -> Iterator[Finding]:
+def findings(smoother: Smoother, log: Log, motions: list[Motion]) -> Iterator[Finding]:
     """Every check of a log that can be used."""
+    if log.turned:
+        yield Finding("turns", f"{', '.join(log.turned)} begins anew after a turn: counted on")
     yield from _sensors(smoother, motions)
-    yield from _repeated(log, periods)
+    yield from _repeated(log)
     yield _voltage(log)
 
 
@@ -212,19 +170,19 @@ def _compared(smoother: Smoother, motions: list[Motion], k: int, wheels: list[in
     if len(x) < 50 or not np.all(np.any(x, axis=0)):
         return None
     found = np.linalg.lstsq(x, y, rcond=None)[0]
-    correlated = 2 * smoother.half + 1
+    correlated = max(2 * smoother.half(motion.segment.step) + 1 for motion in motions)
     spread = np.sqrt(correlated * np.mean((y - x @ found) ** 2) * np.diag(np.linalg.inv(x.T @ x)))
     slope, lag = float(found[0]), float(found[1] / found[0]) if found[0] else 0.0
     return _Comparison(slope, float(spread[0]), lag, float(spread[1] / abs(slope)) if slope else np.inf)
 
 
-def _repeated(log: Log, periods: Floats) -> Iterator[Finding]:
-    slow = {one.name: period for one, period in zip(log.channels, periods, strict=True) if period > 1.0}
-    step = float(np.median([segment.step for segment in log.segments]))
+def _repeated(log: Log) -> Iterator[Finding]:
+    slow = {one.name: period for one, period in zip(log.channels, log.periods, strict=True) if period > 0.0}
+    written = 1e3 * min(segment.step for segment in log.segments)
     if not slow:
         yield Finding("repeated values", "none: every sample is a new one")
     for name, period in slow.items():
-        text = f"{name} changes every {period:.1f} samples only: written each {1e3 * step:.0f} ms, measured less often"
+        text = f"{name} changes every {1e3 * period:.0f} ms only, and is written every {written:.0f} ms"
         yield Finding(
             "repeated values", text, "log at the rate at which it is measured; smoothing spans two updates here"
         )

@@ -38,7 +38,7 @@ def dead_time(smoother: Smoother, motions: Sequence[Motion], weak: WeakForm, win
     misfits = []
     for delay in (0.0, found):
         moved = _delayed(smoother, motions, delay)
-        windows = windows_of(moved, window, smoother.periods)
+        windows = windows_of(moved, window)
         if not windows:
             return found, 0.0
         misfits.append(OutputError(smoother, windows, weak.prior).misfit(weak.estimate(moved)))

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.errors import InputError
-from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.estimate import Estimate
 from wmr_afl.identification.log import Log
-from wmr_afl.identification.motion import Motion
+from wmr_afl.identification.motion import Motion, Smoother
 from wmr_afl.identification.simulated import Simulated
 from wmr_afl.numerics.arrays import Floats
 
@@ -22,16 +22,16 @@ SHORT = 10.0  # [s], a test that is held out or not as a whole
 
 
 def split(log: Log, hold_out: str | float) -> tuple[Log, Log]:
-    """What estimates are made from, and what they are tried on: the named segments, or that share of the log.
+    """What estimates are made from, and what they are tried on: segments by name (`*backward`), or a share of the log.
 
-    A share is the end of each segment, where they last; of many short tests, as many of the last as make up the share.
+    A share is the end of each segment, where they last; of many short tests, some from all over the log.
 
     Raises:
         InputError: if there is no such segment, nothing would be left, or the share is none.
     """
     if isinstance(hold_out, str):
-        held = [one for one in log.segments if one.name == hold_out]
-        kept = [one for one in log.segments if one.name != hold_out]
+        held = [one for one in log.segments if fnmatchcase(one.name, hold_out)]
+        kept = [one for one in log.segments if not fnmatchcase(one.name, hold_out)]
         names = ", ".join(dict.fromkeys(one.name or "(no name)" for one in log.segments))
         if not held or not kept:
             problem = "is the whole log" if held else "is no segment of the log"
@@ -42,29 +42,32 @@ def split(log: Log, hold_out: str | float) -> tuple[Log, Log]:
     lengths = [len(one) * one.step for one in log.segments]
     if len(lengths) > 2 and np.median(lengths) < SHORT:
         count = max(1, round(hold_out * len(lengths)))
-        return log.of(log.segments[:-count]), log.of(log.segments[-count:])
+        chosen = {int((i + 0.5) * len(lengths) / count) for i in range(count)}
+        kept, held = ([one for i, one in enumerate(log.segments) if (i in chosen) is so] for so in (False, True))
+        return log.of(kept), log.of(held)
     cuts = [round((1.0 - hold_out) * len(one)) for one in log.segments]
     kept = [one.part(0, cut) for one, cut in zip(log.segments, cuts, strict=True)]
     return log.of(kept), log.of([one.part(cut, len(one)) for one, cut in zip(log.segments, cuts, strict=True)])
 
 
-def foretold(effort: Effort, motion: Motion, estimate: Estimate) -> tuple[NDArray[np.intp], Floats]:
+def foretold(smoother: Smoother, motion: Motion, estimate: Estimate) -> tuple[NDArray[np.intp], Floats]:
     """Rows (T,) of a motion, and v (T, n-m) simulated there from the voltages alone, window after window.
 
-    A window begins with the measured state.
+    A window begins with the measured state. What is simulated passes the filter that what was measured has passed.
     """
-    segment = motion.segment
-    good = np.flatnonzero(motion.ok)
-    if len(good) < 3:
-        return np.empty(0, dtype=int), np.empty((0, effort.n_v))
+    effort, segment = smoother.effort, motion.segment
+    good, reach = np.flatnonzero(motion.ok), smoother.reach(segment.step)
     duration = len(good) * segment.step
-    count = len(good) - 1 if duration <= WHOLE else min(len(good) - 1, round(WINDOW / segment.step))
-    starts = np.arange(good[0], good[-1] - count + 1, count)
+    count = len(good) - 1 if duration <= WHOLE else min(len(good) - 1, round(WINDOW / segment.step) + 2 * reach)
+    if count <= 2 * reach:
+        return np.empty(0, dtype=int), np.empty((0, effort.n_v))
+    starts = np.arange(good[0], good[-1] - count + 1, count - 2 * reach)
     held = np.stack([segment.u[start : start + count] for start in starts])
     numbers = np.repeat(estimate.unknown[None], len(starts), axis=0)
     states = Simulated(effort, segment.step).states(numbers, motion.x[starts], held)
-    rows = (starts[:, None] + np.arange(count)).ravel()
-    velocities = states[:-1, effort.n : effort.n + effort.n_v].transpose(2, 0, 1).reshape(-1, effort.n_v)
+    rows = (starts[:, None] + np.arange(reach, count - reach)).ravel()
+    v = states[:-1, effort.n : effort.n + effort.n_v]
+    velocities = smoother.averaged(v, segment.step).transpose(2, 0, 1).reshape(-1, effort.n_v)
     return rows, velocities
 
 
@@ -76,12 +79,13 @@ class Score:
     overall: float  # [%], of all motors' rates together, in which each has its weight
 
 
-def score(effort: Effort, motions: Sequence[Motion], estimate: Estimate) -> Score:
+def score(smoother: Smoother, motions: Sequence[Motion], estimate: Estimate) -> Score:
     """How well an estimate foretells what was held out."""
+    effort = smoother.effort
     velocities: list[tuple[Floats, Floats]] = []
     rates: list[tuple[Floats, Floats]] = []
     for motion in motions:
-        rows, simulated = foretold(effort, motion, estimate)
+        rows, simulated = foretold(smoother, motion, estimate)
         x = motion.x[rows]
         velocities.append((x[:, effort.n :], simulated))
         rates.append((effort.rates(x), effort.rates(np.hstack([x[:, : effort.n], simulated]))))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,6 @@ from wmr_afl.identification.checks import (
     dead_encoders,
     findings,
     missing_motions,
-    unwrapped,
-    updates,
 )
 from wmr_afl.identification.dead_time import CLEAR, dead_time, later
 from wmr_afl.identification.effort import Coulomb, Effort
@@ -28,7 +26,7 @@ from wmr_afl.identification.feedforward import Feedforward, feedforward
 from wmr_afl.identification.held_out import Score, score, split
 from wmr_afl.identification.log import Log
 from wmr_afl.identification.log_file import read_logs
-from wmr_afl.identification.motion import Motion, Smoother, half_width, with_rest
+from wmr_afl.identification.motion import Motion, Smoother, with_rest
 from wmr_afl.identification.noise import standard_deviations
 from wmr_afl.identification.output_error import WINDOW, OutputError, windows_of
 from wmr_afl.identification.physical import Physical, physical
@@ -58,7 +56,7 @@ class Tried:
 class Identified:
     """What a log says of a robot."""
 
-    effort: Effort
+    smoother: Smoother  # how the log was read
     log: Log
     checks: tuple[Finding, ...]
     tried: tuple[Tried, ...]  # weak form and output error
@@ -67,6 +65,11 @@ class Identified:
     physical: Physical
     held: tuple[Motion, ...]  # what was held out
     delay: float  # [s], by which voltages were taken as later
+
+    @property
+    def effort(self) -> Effort:
+        """The robot as the log sees it."""
+        return self.smoother.effort
 
     @property
     def model(self) -> Model:
@@ -226,12 +229,10 @@ def identify(
     if not -0.5 <= delay <= 0.5:
         raise InputError("delay", f"{delay:g}", "is no dead time of a motor", "give it in seconds, as 0.02")
     check_length(log)
-    log, turns = unwrapped(log)
     log, dead = _without_dead(log)
-    periods = updates(log)
-    noise = standard_deviations(log, periods)
+    noise = standard_deviations(log)
     check_input(log, noise)
-    smoother = Smoother(effort, log.channels, noise, periods, half_width(log, periods))
+    smoother = Smoother(effort, log.channels, noise, float(log.periods.max()))
     whole, (train, held) = _motions(smoother, log, delay), _held(smoother, log, hold_out, delay)
     place = repr(hold_out) if isinstance(hold_out, str) else f"{hold_out:g}"
     if _longest(held) < HELD:
@@ -252,26 +253,26 @@ def identify(
     weak = form.estimate(whole)
     final: Estimate = weak
     if best.estimate.cost is not None:
-        final = OutputError(smoother, windows_of(whole, _window(whole), periods), prior).fit(best.estimate.unknown)
+        final = OutputError(smoother, windows_of(whole, _window(whole)), prior).fit(best.estimate.unknown)
     share = weak.share * np.abs(final.unknown) / np.maximum(np.abs(weak.unknown), 1e-300)
-    checks = [*turns, *dead, *findings(smoother, log, whole, periods), _dead_time(smoother, whole, form, delay)]
+    checks = [*dead, *findings(smoother, log, whole), _dead_time(smoother, whole, form, delay)]
     if missing:
         text = f"no motion of {', '.join(missing)}: what only that tells is as in the description"
         checks.append(Finding("motion", text, "drive such motions too"))
     found = physical(effort, final)
-    return Identified(effort, log, tuple(checks), tried, final, share, found, tuple(held), delay)
+    return Identified(smoother, log, tuple(checks), tried, final, share, found, tuple(held), delay)
 
 
 def _tried(smoother: Smoother, held: list[Motion], estimate: Estimate, prior: Prior) -> Tried:
-    windows = windows_of(held, min(TRIED, 0.5 * _longest(held)), smoother.periods)
+    windows = windows_of(held, min(TRIED, 0.5 * _longest(held)))
     misfit = OutputError(smoother, windows, prior).misfit(estimate) if windows else np.inf
-    return Tried(estimate, score(smoother.effort, held, estimate), misfit if np.isfinite(misfit) else np.inf)
+    return Tried(estimate, score(smoother, held, estimate), misfit if np.isfinite(misfit) else np.inf)
 
 
 def _estimates(smoother: Smoother, motions: list[Motion], form: WeakForm) -> list[Estimate]:
     """By the weak form, and from there by output error, if there are windows of a second."""
     weak = form.estimate(motions)
-    windows = windows_of(motions, _window(motions), smoother.periods)
+    windows = windows_of(motions, _window(motions))
     if not windows:
         return [weak]
     search = OutputError(smoother, windows, form.prior)
@@ -313,10 +314,9 @@ def _without_dead(log: Log) -> tuple[Log, list[Finding]]:
     kept = [k for k in range(len(log.channels)) if k not in dead]
     if not kept:
         raise WmrError(f"{names} stand still although the motors have voltage", "connect the encoders")
-    segments = tuple(replace(one, z=one.z[:, kept]) for one in log.segments)
     text = f"{names} stands still although its motor has voltage: left out"
     finding = Finding("dead encoder", text, "connect it, or leave its column out")
-    return Log(log.model, tuple(log.channels[k] for k in kept), segments), [finding]
+    return log.measuring(kept), [finding]
 
 
 def _dead_time(smoother: Smoother, motions: list[Motion], form: WeakForm, delay: float) -> Finding:

@@ -16,8 +16,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
+from wmr_afl.identification.columns import between, new_values, unwrapped, update_period
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 
@@ -45,6 +47,7 @@ class Segment:
     step: float  # sample time [s]
     u: Floats  # (T, n_u) [V], each held until the next sample
     z: Floats  # (T, channels), as measured
+    is_new: NDArray[np.bool_]  # (T, channels), not a value between two that were measured
 
     @property
     def time(self) -> Floats:
@@ -56,7 +59,13 @@ class Segment:
 
     def part(self, start: int, stop: int) -> Segment:
         """The samples from `start` to `stop`."""
-        return replace(self, start=self.start + start * self.step, u=self.u[start:stop], z=self.z[start:stop])
+        rows = slice(start, stop)
+        later = self.start + start * self.step
+        return replace(self, start=later, u=self.u[rows], z=self.z[rows], is_new=self.is_new[rows])
+
+    def measuring(self, columns: Sequence[int]) -> Segment:
+        """Only these channels."""
+        return replace(self, z=self.z[:, columns], is_new=self.is_new[:, columns])
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,8 @@ class Log:
     model: Model
     channels: tuple[Channel, ...]
     segments: tuple[Segment, ...]
+    periods: Floats  # (channels,) [s], for which a channel keeps its value; 0 where every sample is a new one
+    turned: tuple[str, ...] = ()  # channels that began anew after a turn and were counted on
 
     @property
     def duration(self) -> float:
@@ -80,6 +91,12 @@ class Log:
         """The same channels, other segments."""
         return replace(self, segments=tuple(segments))
 
+    def measuring(self, columns: Sequence[int]) -> Log:
+        """The same log with only these channels."""
+        channels = tuple(self.channels[k] for k in columns)
+        segments = tuple(one.measuring(columns) for one in self.segments)
+        return replace(self, channels=channels, segments=segments, periods=self.periods[list(columns)])
+
     def joined(self, other: Log) -> Log:
         """Both logs' segments.
 
@@ -89,7 +106,9 @@ class Log:
         if other.channels != self.channels:
             first, second = (", ".join(channel.name for channel in log.channels) for log in (self, other))
             raise WmrError(f"one log measures {first}, another one {second}", "give logs with the same columns")
-        return self.of((*self.segments, *other.segments))
+        turned = tuple(dict.fromkeys((*self.turned, *other.turned)))
+        longest = np.maximum(self.periods, other.periods)
+        return replace(self, segments=(*self.segments, *other.segments), periods=longest, turned=turned)
 
 
 def channel(model: Model, name: str) -> Channel:
@@ -122,7 +141,9 @@ def log_of(
 ) -> Log:
     """A log from arrays: time (T,) [s], voltages (T, n_u) [V], and (T,) for each measured column by its name.
 
-    The time from row to row may differ by a third of a sample; a gap of two samples begins another segment.
+    The time from row to row may differ by a third of a sample; a gap of two samples begins another segment. Angles that
+    begin anew after a turn are counted on; a column that is written more often than it is measured is a line from one
+    new value to the next.
 
     Raises:
         ShapeError: if the columns have different lengths, or hold what is not a finite number.
@@ -147,38 +168,68 @@ def log_of(
         row = int(np.flatnonzero(~np.isfinite(whole).all(axis=1))[0])
         raise ShapeError(f"row {row + 1} of the log holds what is not a finite number", "leave such rows out")
     labels = np.asarray(["" for _ in t] if segments is None else segments)
-    found: list[Segment] = []
+    pieces: list[_Rows] = []
     starts = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1), len(t)] if len(t) else []
     for first, last in pairwise(starts):
-        found += _uniform(str(labels[first]), t[first:last], u[first:last], z[first:last], first)
-    return Log(model, channels, tuple(found))
+        pieces += _cut(_Rows(str(labels[first]), t[first:last], u[first:last], z[first:last]), first)
+    turned = _count_on(channels, list(model.state_units.values()), pieces)
+    times = [one.t for one in pieces]
+    periods = [update_period(times, [one.z[:, k] for one in pieces]) for k in range(len(channels))]
+    uniform = tuple(_uniform(one, np.array(periods)) for one in pieces)
+    return Log(model, channels, uniform, np.array(periods), turned)
 
 
-def _uniform(name: str, t: Floats, u: Floats, z: Floats, row: int) -> list[Segment]:
-    """Rows on uniform grids, cut at gaps; those that are too few for one are left out."""
-    if len(t) < 3:
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of a file without a gap."""
+
+    name: str
+    t: Floats  # (T,) [s]
+    u: Floats  # (T, n_u) [V]
+    z: Floats  # (T, channels)
+
+
+def _cut(rows: _Rows, before: int) -> list[_Rows]:
+    """Rows cut at gaps; parts that are too short are left out. `before` them the file has so many."""
+    if len(rows.t) < 3:
         return []
-    steps = np.diff(t)
+    steps = np.diff(rows.t)
     if np.any(steps <= 0.0):
         at = int(np.flatnonzero(steps <= 0.0)[0])
         doing = "stands still" if steps[at] == 0.0 else "goes backwards"
-        problem = f"time {doing} at t = {t[at + 1]:g} s (row {row + at + 2})"
+        problem = f"time {doing} at t = {rows.t[at + 1]:g} s (row {before + at + 2})"
         raise WmrError(problem, "order the rows, and name tests that were run one after another in a column `segment`")
-    step = float(np.median(steps))
-    cuts = [0, *(np.flatnonzero(steps > GAP * step) + 1), len(t)]
-    found = []
-    for first, last in pairwise(cuts):
-        if last - first < 3:
+    cuts = [0, *(np.flatnonzero(steps > GAP * np.median(steps)) + 1), len(rows.t)]
+    parts = [slice(first, last) for first, last in pairwise(cuts) if last - first >= 3]
+    return [_Rows(rows.name, rows.t[part], rows.u[part], rows.z[part]) for part in parts]
+
+
+def _count_on(channels: Sequence[Channel], units: Sequence[str], pieces: Sequence[_Rows]) -> tuple[str, ...]:
+    """Count on, in their place, angles that begin anew after a turn; their names."""
+    turned: dict[str, None] = {}
+    for k, one in enumerate(channels):
+        if one.is_rate or (one.matrix != "motor" and units[one.index] != "rad"):
             continue
-        own = t[first:last]
-        taken = np.round(np.diff(own) / step).astype(int)  # samples from row to row: a row may be missing
-        even = float(own[-1] - own[0]) / max(int(taken.sum()), 1)
-        grid = own[0] + even * np.arange(int(taken.sum()) + 1)
-        if np.mean(np.abs(np.diff(own) / even - 1.0) > JITTER) > SOME:
-            raise WmrError(
-                f"rows near t = {own[0]:g} s are too irregular for a grid", "log at a fixed rate, or resample"
-            )
-        held = np.clip(np.searchsorted(own, grid + 1e-9 * even, side="right") - 1, 0, len(own) - 1)
-        columns = [np.interp(grid, own, column) for column in z[first:last].T]
-        found.append(Segment(name, float(own[0]), even, u[first:last][held], np.column_stack(columns)))
-    return found
+        for piece in pieces:
+            whole = unwrapped(piece.z[:, k])
+            if whole is not piece.z[:, k] and np.any(whole != piece.z[:, k]):
+                piece.z[:, k], turned[one.name] = whole, None
+    return tuple(turned)
+
+
+def _uniform(rows: _Rows, periods: Floats) -> Segment:
+    """Rows on a uniform grid."""
+    t, step = rows.t, float(np.median(np.diff(rows.t)))
+    taken = np.round(np.diff(t) / step).astype(int)  # samples from row to row: a row may be missing
+    even = float(t[-1] - t[0]) / max(int(taken.sum()), 1)
+    grid = t[0] + even * np.arange(int(taken.sum()) + 1)
+    if np.mean(np.abs(np.diff(t) / even - 1.0) > JITTER) > SOME:
+        raise WmrError(f"rows near t = {t[0]:g} s are too irregular for a grid", "log at a fixed rate, or resample")
+    held = np.clip(np.searchsorted(t, grid + 1e-9 * even, side="right") - 1, 0, len(t) - 1)
+    z = np.column_stack([between(grid, t, column, period) for column, period in zip(rows.z.T, periods, strict=True)])
+    is_new = np.ones(z.shape, dtype=bool)
+    for k, period in enumerate(periods):
+        if period:
+            at = t[new_values(rows.z[:, k], period)]
+            is_new[:, k] = np.isin(np.arange(len(grid)), np.round((at - t[0]) / even))
+    return Segment(rows.name, float(t[0]), even, rows.u[held], z, is_new)

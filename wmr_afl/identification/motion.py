@@ -9,16 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from wmr_afl.errors import WmrError
 from wmr_afl.identification.effort import Effort
-from wmr_afl.identification.log import Channel, Log, Segment
+from wmr_afl.identification.log import Channel, Segment
 from wmr_afl.identification.noise import parabola
 from wmr_afl.numerics.arrays import Floats
 
-WIDTH = 0.03  # [s], half of the kernel, of three samples at least
+WIDTH = 0.03  # [s], half of the kernel
 PASSIVE = 1e-3  # weight of joints that nothing drives, where motors and gyroscope determine v
+STANDS = 3  # samples without a change, at which a test begins at rest
 REST = 0.5  # [s] put in front of a test that starts at rest, so that its transient stays inside
 
 
@@ -40,8 +42,9 @@ class Smoother:
     effort: Effort
     channels: tuple[Channel, ...]
     noise: Floats  # (channels,), of a sample
-    periods: Floats  # (channels,), samples for which a channel keeps its value
-    half: int  # of the kernel, in samples
+    period: float = 0.0  # [s], for which the slowest channel keeps its value
+    width: float = WIDTH  # [s], half of the kernel, of three samples and two updates at least
+    least: int = 3  # samples
 
     def __post_init__(self) -> None:
         if not self.used.any():
@@ -68,10 +71,23 @@ class Smoother:
         moved[:, hidden] += 1.0
         return np.asarray(np.isclose(self.rows(x), self.rows(moved)).all(axis=(0, 2)))
 
+    def half(self, step: float) -> int:
+        """Half of the kernel, in samples of `step` [s]: two updates of the slowest channel at least."""
+        return int(max(self.least, round(self.width / step), np.ceil(2.0 * self.period / step - 1e-9)))
+
+    def reach(self, step: float) -> int:
+        """Samples that what is read off a log needs before and after."""
+        return self.half(step) + 1
+
+    def averaged(self, rates: Floats, step: float) -> Floats:
+        """Rates (T, ...) through the filter, without the samples at both ends that it needs."""
+        level, _ = self._kernels(step)
+        return np.asarray(sliding_window_view(rates, len(level), axis=0) @ level)
+
     def motion(self, segment: Segment) -> Motion:
         """q, v and u of a segment."""
-        dt, h = segment.step, self.half + 1
-        level, slope = self._kernels(segment)
+        dt, h = segment.step, self.reach(segment.step)
+        level, slope = self._kernels(dt)
         count = len(segment)
         inside = slice(h, count - h)
         u, x = self.smoothed(segment), np.zeros((count, self.effort.n + self.effort.n_v))
@@ -81,9 +97,10 @@ class Smoother:
         ok[inside] = True
         z = np.zeros((count, len(self.channels)))
         for k, channel in enumerate(self.channels):
-            z[inside, k] = np.correlate(segment.z[:, k], level if channel.is_rate else slope, "valid")
+            column = segment.z[:, k]
+            z[inside, k] = np.correlate(column, level if channel.is_rate else slope, "valid")
             if channel.index in self.measured and channel.matrix == "coordinate" and not channel.is_rate:
-                x[inside, channel.index] = np.correlate(segment.z[:, k], level, "valid")
+                x[inside, channel.index] = np.correlate(column, level, "valid")
                 x[:h, channel.index], x[count - h :, channel.index] = (
                     x[h, channel.index],
                     x[count - h - 1, channel.index],
@@ -98,26 +115,26 @@ class Smoother:
 
     def spread(self, segment: Segment, x: Floats) -> Floats:
         """The standard deviation that noise gives v at states x (T, 2n-m), root mean square over these, (n-m,)."""
-        rows = self.rows(x[:, : self.effort.n]) * self._weights(*self._kernels(segment))[:, None]
+        rows = self.rows(x[:, : self.effort.n]) * self._weights(*self._kernels(segment.step))[:, None]
         covariance = np.linalg.inv(np.einsum("tki,tkj->tij", rows, rows))
         return np.asarray(np.sqrt(np.mean(np.einsum("tii->ti", covariance), axis=0)))
 
-    def _kernels(self, segment: Segment) -> tuple[Floats, Floats]:
+    def _kernels(self, step: float) -> tuple[Floats, Floats]:
         """That smooth, and that differentiate: what they give has passed the same filter, as the voltages have.
 
         A difference over two samples is the mean of the rate over them; rates and voltages are averaged alike.
         """
-        kernel = parabola(self.half)
-        difference = np.array([-0.5, 0.0, 0.5]) / segment.step
+        kernel = parabola(self.half(step))
+        difference = np.array([-0.5, 0.0, 0.5]) / step
         return np.convolve(kernel, [0.25, 0.5, 0.25]), np.convolve(kernel, difference)
 
     def smoothed(self, segment: Segment) -> Floats:
         """The voltages (T, n_u) through the same filter: the mean of those held before and after a sample, smoothed."""
         held = segment.u.copy()
         held[1:] = 0.5 * (segment.u[1:] + segment.u[:-1])
-        u, kernel = np.zeros_like(held), parabola(self.half)
-        if len(u) > 2 * self.half + 1:
-            u[self.half : -self.half] = np.column_stack([np.correlate(one, kernel, "valid") for one in held.T])
+        u, half = np.zeros_like(held), self.half(segment.step)
+        if len(u) > 2 * half + 1:
+            u[half:-half] = np.column_stack([np.correlate(one, parabola(half), "valid") for one in held.T])
         return u
 
     def _follow(self, x: Floats, z: Floats, weights: Floats, hidden: list[int], rows: range, dt: float) -> None:
@@ -159,20 +176,16 @@ class Smoother:
         return np.asarray(weights)
 
 
-def half_width(log: Log, updates: Floats) -> int:
-    """Half of the kernel in samples: two updates of the slowest channel, 30 ms, three samples at least."""
-    step = float(np.median([segment.step for segment in log.segments]))
-    return int(max(3, round(WIDTH / step), *(2 * np.ceil(updates - 1e-9)).astype(int)))
-
-
 def with_rest(segment: Segment, is_rate: Floats) -> Segment:
-    """With half a second of rest in front, if it starts at rest without voltage."""
-    still = (
-        not np.any(segment.u[:2]) and np.array_equal(segment.z[0], segment.z[1]) and not np.any(segment.z[0][is_rate])
-    )
-    if not still:
+    """With half a second of rest without voltage in front, if nothing moves at first.
+
+    Voltage may be there already: a logger begins with the command, and motors answer later.
+    """
+    first = segment.z[:STANDS]
+    if np.any(first != first[0]) or np.any(first[:, is_rate]):
         return segment
     count = round(REST / segment.step)
     u = np.vstack([np.zeros((count, segment.u.shape[1])), segment.u])
     z = np.vstack([np.repeat(segment.z[:1], count, axis=0), segment.z])
-    return replace(segment, start=segment.start - count * segment.step, u=u, z=z)
+    is_new = np.vstack([np.repeat(segment.is_new[:1], count, axis=0), segment.is_new])
+    return replace(segment, start=segment.start - count * segment.step, u=u, z=z, is_new=is_new)

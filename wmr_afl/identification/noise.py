@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from wmr_afl.identification.columns import quantum
 from wmr_afl.identification.log import Log
 from wmr_afl.numerics.arrays import Floats
-
-_WHOLE = 0.05  # of a step, by which a multiple of it may be off in a file of six digits
-_MOST = 0.9  # of the changes that are whole steps where a channel has steps
-_SMALLEST = 1e-9  # of a channel's range: what is smaller is rounding
 
 
 def parabola(half: int) -> Floats:
@@ -21,41 +17,17 @@ def parabola(half: int) -> Floats:
     return np.asarray(np.linalg.pinv(np.vander(np.arange(-half, half + 1.0), 3, increasing=True))[0])
 
 
-def quantum(column: Floats) -> float:
-    """The step of an encoder, of which all changes are multiples; zero if there is none."""
-    changes = np.abs(np.diff(column))
-    changes = changes[changes > _SMALLEST * max(float(np.ptp(column)), 1e-300)]
-    if len(changes) < 10:
-        return 0.0
-    small = np.sort(changes)[: max(len(changes) // 20, 5)]
-    step = float(np.median(small[small < 1.5 * small[0]]))
-    near = changes[changes < 1.0 / _WHOLE * step]  # beyond, any number is nearly a multiple
-    multiple = near / step
-    is_whole = np.abs(multiple - np.round(multiple)) < _WHOLE
-    return step if len(near) >= 10 and is_whole.mean() > _MOST else 0.0
-
-
-def standard_deviations(log: Log, periods: Floats) -> Floats:
-    """Of each channel's samples, (channels,): quantum/sqrt 12, or what smoothing takes away if there are no steps.
-
-    `periods` is how many samples each keeps its value.
-    """
+def standard_deviations(log: Log) -> Floats:
+    """Of each channel's samples, (channels,): quantum/sqrt 12, or what smoothing takes away if there are no steps."""
     found = []
     for k in range(len(log.channels)):
-        columns = [segment.z[:, k] for segment in log.segments]
-        if periods[k] > 1.0:
-            columns = [column[is_new(column)] for column in columns]
+        columns = [segment.z[segment.is_new[:, k], k] for segment in log.segments]
         steps = [step for step in map(quantum, columns) if step > 0.0]
         if 2 * len(steps) > len(columns):
             found.append(min(steps) / np.sqrt(12.0))
             continue
         found.append(_scatter(columns))
     return np.array(found)
-
-
-def is_new(column: Floats) -> NDArray[np.bool_]:
-    """Where a sample differs from the one before, (T,)."""
-    return np.concatenate([[True], np.diff(column) != 0.0])
 
 
 def _scatter(columns: list[Floats]) -> float:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from wmr_afl.errors import SimulationError
 from wmr_afl.identification.estimate import Estimate, Prior, jackknife
 from wmr_afl.identification.motion import Motion, Smoother
-from wmr_afl.identification.noise import is_new
 from wmr_afl.identification.simulated import FINEST, SUBSTEP, Simulated, channel_values
 from wmr_afl.numerics.arrays import Floats
 
@@ -72,11 +71,8 @@ def delayed(u: Floats, delay: float, step: float) -> Floats:
     return np.asarray((1.0 - part) * shifted(whole) + part * shifted(whole + 1))
 
 
-def windows_of(motions: Sequence[Motion], seconds: float, periods: Floats) -> list[Windows]:
-    """Windows of all segments, those of one sample time together; half overlapping where a segment holds few.
-
-    `periods` is how many samples each channel keeps its value.
-    """
+def windows_of(motions: Sequence[Motion], seconds: float) -> list[Windows]:
+    """Windows of all segments, those of one sample time together; half overlapping where a segment holds few."""
     found: dict[float, list[Windows]] = {}
     for motion in motions:
         step = motion.segment.step
@@ -88,14 +84,11 @@ def windows_of(motions: Sequence[Motion], seconds: float, periods: Floats) -> li
         starts = np.arange(good[0], good[-1] - count + 1, stride)
         rows = starts[:, None] + np.arange(count + 1)
         z = motion.segment.z[rows]
-        new = np.column_stack(
-            [is_new(column) | (period == 1.0) for column, period in zip(motion.segment.z.T, periods, strict=True)]
-        )
         own = Windows(
             motion.x[starts],
             motion.segment.u[rows[:, :-1]],
             z - z[:, :1],
-            new[rows],
+            motion.segment.is_new[rows],
             np.full(len(starts), len(starts) ** -0.5),
             step,
         )

@@ -70,7 +70,9 @@ class Drive:
         random, rows = np.random.default_rng(sensors.seed), slice(None, None, sensors.every)
         columns = [self._measured(one, sensors, random)[rows] for one in channels]
         step = float(self.time[1] - self.time[0]) * sensors.every
-        return Log(self.model, channels, (Segment(name, 0.0, step, self.applied[rows], np.column_stack(columns)),))
+        z = np.column_stack(columns)
+        segment = Segment(name, 0.0, step, self.applied[rows], z, np.ones(z.shape, dtype=bool))
+        return Log(self.model, channels, (segment,), np.zeros(len(channels)))
 
     def _measured(self, one: Channel, sensors: Sensors, random: np.random.Generator) -> Floats:
         n = self.model.coordinate_count

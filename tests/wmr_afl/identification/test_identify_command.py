@@ -27,9 +27,8 @@ from wmr_afl.analysis.identification_report import open_ends, toml_text, write_i
 from wmr_afl.cli import app, terminal
 from wmr_afl.errors import InputError, WmrError
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.identification.checks import unwrapped
 from wmr_afl.identification.identify import Identified, identify
-from wmr_afl.identification.log import Log
+from wmr_afl.identification.log import Log, log_of
 from wmr_afl.identification.log_file import read_logs
 
 ROBOT = "type_2_0"
@@ -257,7 +256,7 @@ def test_a_named_segment_is_held_out() -> None:
         write(logged(effort_of(ROBOT, **SMALL), multisine(12.0, 2, 8.0, seed)), Path(f"{name}.csv"))
     result = call(ROBOT, "one.csv", "two.csv", *SET, "--hold-out", "two")
     assert result.exit_code == 0, result.output
-    assert "<h3>two, from 0 s" in Path("results/identified-type_2_0/report.html").read_text()
+    assert "<h3>two, from -0.5 s" in Path("results/identified-type_2_0/report.html").read_text()
     log = read_logs(effort_of(ROBOT).model, ["one.csv", "two.csv"])
     assert [segment.name for segment in log.segments] == ["one", "two"]
 
@@ -299,12 +298,14 @@ def test_a_description_that_is_far_off_does_not_bend_the_weak_form(drive: Log) -
 
 def test_angles_that_begin_anew_after_a_turn_are_counted_on(drive: Log) -> None:
     (segment,) = drive.segments
-    log = drive.of([replace(segment, z=(segment.z + np.pi) % (2.0 * np.pi) - np.pi)])
-    assert np.ptp(log.segments[0].z) < 2.0 * np.pi < np.ptp(segment.z)
-    whole, findings = unwrapped(log)
+    wrapped = (segment.z + np.pi) % (2.0 * np.pi) - np.pi
+    assert np.ptp(wrapped) < 2.0 * np.pi < np.ptp(segment.z)
+    columns = {one.name: wrapped[:, k] for k, one in enumerate(drive.channels)}
+    whole = log_of(drive.model, segment.time, segment.u, columns)
     assert whole.segments[0].z == pytest.approx(segment.z)
-    assert str(findings[0]) == "turns: angle:u_r, angle:u_l begins anew after a turn: counted on"
-    assert unwrapped(drive)[1] == []
+    found = identify(ROBOT, whole, parameters=GEOMETRY)
+    assert str(found.checks[0]) == "turns: angle:u_r, angle:u_l begins anew after a turn: counted on"
+    assert drive.turned == ()
 
 
 def test_a_part_at_rest_cannot_be_held_out(drive: Log) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,19 +11,20 @@ import pytest
 
 from tests.wmr_afl.identification.rehearsed import ROBOTS, driven, effort_of, logged
 from wmr_afl import WmrError, load_model
-from wmr_afl.identification.checks import check_input, check_length, dead_encoders, findings, missing_motions, updates
+from wmr_afl.identification.checks import check_input, check_length, dead_encoders, findings, missing_motions
+from wmr_afl.identification.columns import between, quantum, update_period
 from wmr_afl.identification.log import Log, log_of
 from wmr_afl.identification.log_file import read_log, read_logs, write_log
-from wmr_afl.identification.motion import Motion, Smoother, half_width, with_rest
-from wmr_afl.identification.noise import quantum, standard_deviations
+from wmr_afl.identification.motion import Motion, Smoother, with_rest
+from wmr_afl.identification.noise import standard_deviations
 from wmr_afl.identification.recording import Sensors
+from wmr_afl.numerics.arrays import Floats
 
 UNICYCLE = load_model("type_2_0")
 
 
-def smoother_of(log: Log, robot: str, half: int = 3) -> Smoother:
-    periods = updates(log)
-    return Smoother(effort_of(robot), log.channels, standard_deviations(log, periods), periods, half)
+def smoother_of(log: Log, robot: str) -> Smoother:
+    return Smoother(effort_of(robot), log.channels, standard_deviations(log), float(log.periods.max()))
 
 
 def motions_of(smoother: Smoother, log: Log) -> list[Motion]:
@@ -96,7 +98,7 @@ def test_the_step_of_an_encoder_is_read_off(step: float) -> None:
     noisy = column + 1e-3 * np.random.default_rng(0).standard_normal(len(column))
     assert quantum(noisy) == 0.0
     log = log_of(UNICYCLE, time, np.ones((len(time), 2)), {"angle:u_r": noisy, "angle:u_l": noisy})
-    np.testing.assert_allclose(standard_deviations(log, np.ones(2)), 1e-3, rtol=0.1)
+    np.testing.assert_allclose(standard_deviations(log), 1e-3, rtol=0.1)
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -153,7 +155,7 @@ def test_a_test_from_rest_gets_rest_in_front() -> None:
 def text_of(log: Log, robot: str = "type_2_0") -> str:
     """What the checks say of a log."""
     smoother = smoother_of(log, robot)
-    return "\n".join(map(str, findings(smoother, log, motions_of(smoother, log), smoother.periods)))
+    return "\n".join(map(str, findings(smoother, log, motions_of(smoother, log))))
 
 
 def changed(log: Log, **columns: float) -> Log:
@@ -176,16 +178,69 @@ def test_a_gyroscope_is_held_against_the_encoders(factor: float, told: str) -> N
     assert told in text_of(changed(logged("type_2_0"), rate_phi=factor))
 
 
+def rewritten(log: Log, change: Callable[[Floats, Floats], tuple[Floats, Floats]]) -> Log:
+    """The log whose times (T,) and measured columns (T, channels) were changed before they were read."""
+    (segment,) = log.segments
+    t, z = change(segment.time, segment.z)
+    return log_of(log.model, t, segment.u, {one.name: z[:, k] for k, one in enumerate(log.channels)})
+
+
 def test_values_that_only_repeat_are_told() -> None:
     """A log that is written more often than anything is measured; smoothing then spans two updates."""
     log = logged("type_2_0")
-    rows = np.arange(len(log.segments[0])) // 4 * 4
-    slow = log.of([replace(log.segments[0], z=log.segments[0].z[rows])])
-    np.testing.assert_allclose(updates(slow), 4.0, rtol=0.1)
-    np.testing.assert_array_equal(updates(log), 1.0)
-    assert "angle:u_r changes every 4.0 samples only" in text_of(slow)
-    assert half_width(slow, updates(slow)) == 8
-    assert half_width(log, updates(log)) == 3
+    slow = rewritten(log, lambda t, z: (t, z[np.arange(len(z)) // 4 * 4]))
+    step = log.segments[0].step
+    np.testing.assert_allclose(slow.periods, 4.0 * step, rtol=0.1)
+    np.testing.assert_array_equal(rewritten(log, lambda t, z: (t, z)).periods, 0.0)
+    told = f"changes every {4e3 * step:.0f} ms only, and is written every {1e3 * step:.0f} ms"
+    assert f"angle:u_r {told}" in text_of(slow)
+    assert smoother_of(slow, "type_2_0").half(step) in (8, 9)
+    assert smoother_of(slow, "type_2_0").half(2.0 * step) in (4, 5)
+    assert smoother_of(log, "type_2_0").half(step) == 3
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.1])
+def test_what_is_written_more_often_than_measured_is_a_line_between_new_values(jitter: float) -> None:
+    """Whatever the rows' times, which differ by a part of a sample; the values that were measured are marked."""
+    random, log = np.random.default_rng(3), logged("type_2_0")
+    step = log.segments[0].step
+
+    def slowly(t: Floats, z: Floats) -> tuple[Floats, Floats]:
+        uneven = t + jitter * step * random.uniform(-0.5, 0.5, len(t))
+        exact = np.column_stack([np.interp(uneven, t, column) for column in z.T])
+        return uneven, exact[np.arange(len(z)) // 4 * 4]
+
+    (found,), (true,) = rewritten(log, slowly).segments, log.segments
+    moving = slice(200, 204 + 4 * ((len(true) - 204) // 4) - 8)
+    at = found.is_new[moving, 0]
+    assert 0.2 < at.mean() < 0.3
+    assert np.all(found.is_new[:, 2] == found.is_new[:, 0])
+    scale = np.ptp(true.z, axis=0)
+    assert np.all(np.abs(found.z[moving] - true.z[moving]).mean(axis=0) < 0.01 * scale)
+    late = np.repeat(true.z[moving][::4], 4, axis=0)
+    left, held = (np.abs(one - true.z[moving]).mean(axis=0)[0] for one in (found.z[moving], late))
+    assert left < 0.5 * held
+
+
+def test_a_value_that_is_kept_at_rest_is_left_just_before_the_next_one() -> None:
+    """A line from where it began to be kept would be a motion that never was."""
+    grid = 0.01 * np.arange(20)
+    column = np.repeat([1.0, 1.0, 1.0, 2.0, 3.0], 4)
+    np.testing.assert_allclose(between(grid, grid, column, 0.04)[:9], 1.0)
+    np.testing.assert_allclose(between(grid, grid, column, 0.04)[8:17], np.linspace(1.0, 3.0, 9))
+    np.testing.assert_allclose(between(grid, grid, column, 0.0), column)
+
+
+def test_a_channel_that_hardly_moves_says_nothing_of_its_rate() -> None:
+    """A heading that drifts by single steps while the robot drives straight is not measured slowly."""
+    t = 0.01 * np.arange(600)
+    drift = 1e-3 * np.floor(t / 0.13)
+    turning = np.floor(np.sin(t) / 1e-3) * 1e-3
+    assert update_period([t], [drift]) == 0.0
+    assert update_period([t, t], [drift, turning]) == 0.0
+    held = turning[np.arange(600) // 2 * 2]
+    assert update_period([t, t], [drift, held]) == pytest.approx(0.02, rel=0.05)
+    assert quantum(turning) == pytest.approx(1e-3)
 
 
 def test_a_dead_encoder_is_told() -> None:
@@ -231,9 +286,9 @@ def test_a_log_that_tells_nothing_is_refused(u: np.ndarray | None, z: float, tol
     segment = log.segments[0]
     other = log.of([replace(segment, u=segment.u if u is None else u, z=z * segment.z)])
     with pytest.raises(WmrError) as error:
-        check_input(other, standard_deviations(log, np.ones(3)))
+        check_input(other, standard_deviations(log))
     assert told in str(error.value)
-    check_input(log, standard_deviations(log, np.ones(3)))
+    check_input(log, standard_deviations(log))
     with pytest.raises(WmrError, match="the log lasts"):
         check_length(log.of([segment.part(0, 50)]))
 

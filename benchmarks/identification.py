@@ -34,6 +34,7 @@ SLOW = (0.05, 0.11, 0.23, 0.41)  # [Hz], of angles that are followed
 FRICTION = 0.06  # of a motor's amplitude
 SECONDS, OTHER = 60.0, 30.0  # [s], of the log and of the one on which voltages are foretold
 STEP = 0.02  # [s]
+FINE = 200  # steps of a sample: with 40, what friction does between them bends numbers by twice their intervals
 FLAGGED = 5.0  # per cent, beyond which a number has to be flagged
 
 
@@ -108,7 +109,7 @@ def driven(robot: str, seed: int, seconds: float) -> Drive:
     coulomb = [FRICTION * plan.volts[motor] * gain for motor, gain in zip(model.input_units, gains, strict=True)]
     plant = Plant(model, p, np.zeros(len(model.state_units)), "rk4", [Friction(model, 0.0, coulomb, "wheels")])
     return drive(
-        dataclasses.replace(loop, plant=plant, sample_time=STEP), commands_of(robot, seed), round(seconds / STEP)
+        dataclasses.replace(loop, plant=plant, sample_time=STEP), commands_of(robot, seed), round(seconds / STEP), FINE
     )
 
 

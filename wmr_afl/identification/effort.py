@@ -10,7 +10,7 @@ the first one is kappa/rho of its own volts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from wmr_afl.errors import MissingTermError
 from wmr_afl.identification.alike import gain_kinds, is_geometry, motor_kinds
+from wmr_afl.identification.log import Channel
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.complementarity import stopping_forces
@@ -38,6 +39,9 @@ class Effort:
     p: Floats  # (n_p,), of which only lengths in S and X and known constants are read
     coulomb: Coulomb = "grouped"
     given: frozenset[str] = frozenset()  # parameters that are known besides geometry
+    built: dict[tuple[float, float], ca.Function] = field(
+        default_factory=dict, repr=False
+    )  # by `Simulated`, to be kept
 
     def __post_init__(self) -> None:
         if not self.model.has("effort_regressor"):
@@ -255,6 +259,10 @@ class Effort:
             changed |= ~np.isclose(self.base(p), own, rtol=1e-12, atol=0.0)
         free[: len(own)] = changed
         return free
+
+    def is_joint(self, one: Channel) -> bool:
+        """Whether a channel is a measured angle that the dynamics depend on."""
+        return one.matrix == "coordinate" and not one.is_rate and not self.cyclic[one.index]
 
     @cached_property
     def cyclic(self) -> tuple[bool, ...]:

@@ -28,7 +28,7 @@ from wmr_afl.identification.log import Log
 from wmr_afl.identification.log_file import read_logs
 from wmr_afl.identification.motion import Motion, Smoother, with_rest
 from wmr_afl.identification.noise import standard_deviations
-from wmr_afl.identification.output_error import WINDOW, OutputError, windows_of
+from wmr_afl.identification.output_error import WINDOW, OutputError, SimulatedEstimate, windows_of
 from wmr_afl.identification.physical import Physical, physical
 from wmr_afl.identification.weak_form import SHORT, WeakForm
 from wmr_afl.identification.weak_form import WINDOW as WEAK_WINDOW
@@ -252,15 +252,17 @@ def identify(
     best = min(tried, key=lambda one: one.misfit)
     weak = form.estimate(whole)
     final: Estimate = weak
-    if best.estimate.cost is not None:
-        final = OutputError(smoother, windows_of(whole, _window(whole)), prior).fit(best.estimate.unknown)
+    found = best.estimate
+    if isinstance(found, SimulatedEstimate):
+        windows = windows_of(whole, _window(whole))
+        final = OutputError(smoother, windows, prior, found.substep).fit(found.unknown)
     share = weak.share * np.abs(final.unknown) / np.maximum(np.abs(weak.unknown), 1e-300)
     checks = [*dead, *findings(smoother, log, whole), _dead_time(smoother, whole, form, delay)]
     if missing:
         text = f"no motion of {', '.join(missing)}: what only that tells is as in the description"
         checks.append(Finding("motion", text, "drive such motions too"))
-    found = physical(effort, final)
-    return Identified(smoother, log, tuple(checks), tried, final, share, found, tuple(held), delay)
+    possible = physical(effort, final)
+    return Identified(smoother, log, tuple(checks), tried, final, share, possible, tuple(held), delay)
 
 
 def _tried(smoother: Smoother, held: list[Motion], estimate: Estimate, prior: Prior) -> Tried:

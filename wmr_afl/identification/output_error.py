@@ -1,10 +1,10 @@
 """Base parameters by output error: windows are simulated from the voltages and compared with what was measured, raw.
 
-    min over unknown, {v0_w, o_w}   sum_w g_w sum_k | (z_wk - o_w - zhat_k(unknown, v0_w))/noise |^2   (I8)
+    min over unknown, {s0_w, o_w}   sum_w g_w sum_k | (z_wk - o_w - zhat_k(unknown, s0_w))/noise |^2   (I8)
 
-The first velocities v0_w and the offsets o_w of the channels belong to a window and are eliminated from every
-linearized step by a QR decomposition of their sensitivities. Nothing measured is differentiated. The cost is 1 if the
-model explains the log down to its noise.
+First velocities and joint angles s0_w, and offsets o_w of the channels, belong to a window and are eliminated from
+every linearized step by a QR decomposition of their sensitivities. Nothing measured is differentiated. The cost is 1
+if the model explains the log down to its noise.
 """
 
 from __future__ import annotations
@@ -23,13 +23,16 @@ from wmr_afl.numerics.arrays import Floats
 
 WINDOW = 1.0  # [s]
 LOOSE = 0.2  # of a velocity's root mean square, by which that of a window's start may be off
+JOINT = 4.0  # times the noise of a measured joint, by which its angle may be off: an encoder cuts off, it does not round
 OUTLIER = 3.0  # medians, beyond which a window counts less
 ROUNDS = 12
 TRIES = 5  # of a step, with more and more damping
 SEARCHES = 4  # more with finer steps or other weights of the channels, at most
-FINE = 0.3  # of the noise, by which halving the steps may change what is foretold
+ENOUGH = 0.5  # of the windows' weight, that is left where steps are fine enough
+LEAST = 1e-3  # of a window's weight, that remains however coarse its steps
+SETTLED = 0.05  # by which windows' weights may change, on average, without another search
 ALIKE = 1.5  # times what it is taken for, that is left of a channel
-_DONE = 3e-4  # of the cost, by which a round has to lessen it
+_DONE = 0.1  # of what noise leaves of one sample, by which a round has to lessen the cost
 _DIFFERENCE = 1e-4  # of a number, for its sensitivity
 _HUGE = 1e60  # times the noise: a motion that leaves the world, or is no number
 _ROWS = 4096  # motions that are simulated at a time
@@ -114,15 +117,16 @@ class SimulatedEstimate(Estimate):
 
     cost: float = np.nan  # root mean square of what is left of the windows, in units of the noise
     left: Floats = field(default_factory=lambda: np.empty(0))  # (channels,), root mean square in their units
+    substep: float = SUBSTEP  # [s], that was fine enough
 
 
 @dataclass(frozen=True)
 class _Linearized:
-    """All windows at one point of the search, first velocities and offsets eliminated."""
+    """All windows at one point of the search, first states and offsets eliminated."""
 
     gram: Floats  # (W, n+1, n+1), products of the scaled sensitivities and of what is left
-    start: Floats  # (W, n-m), by which v0 moves if nothing else does
-    start_slope: Floats  # (W, n-m, n), and less for a step of each unknown
+    start: Floats  # (W, loose), by which first states move if nothing else does
+    start_slope: Floats  # (W, loose, n), and less for a step of each unknown
     channels: Floats  # (W, channels), what is left of each channel's squares
 
     @property
@@ -137,15 +141,20 @@ class _Linearized:
 class OutputError:
     """The search over windows of one log."""
 
-    def __init__(self, smoother: Smoother, windows: Sequence[Windows], prior: Prior) -> None:
+    def __init__(self, smoother: Smoother, windows: Sequence[Windows], prior: Prior, substep: float = SUBSTEP) -> None:
         self.effort, self.windows = smoother.effort, list(windows)
         self.used = np.flatnonzero(smoother.used)
         self.channels, self.noise = [smoother.channels[k] for k in self.used], smoother.noise[self.used]
         self.prior, self.mean, self.precision = prior, prior.mean[prior.is_free], prior.precision
-        self.weight = np.concatenate([windows.weight for windows in self.windows]) ** 2
+        self.shares = np.concatenate([windows.weight for windows in self.windows]) ** 2
+        self.trust = np.ones(len(self.shares))
+        joints = {one.index: k for k, one in enumerate(smoother.channels) if smoother.effort.is_joint(one)}
+        self.loose = [*joints, *range(self.effort.n, self.effort.n + self.effort.n_v)]
         v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
-        self.start_spread = LOOSE * np.sqrt(np.mean(v0**2, axis=0)) + 1e-9
-        self.substep, self.error = SUBSTEP, self.noise
+        rest = LOOSE * np.sqrt(np.mean(v0**2, axis=0)) + 1e-9
+        self.spread = np.concatenate([JOINT * smoother.noise[list(joints.values())], rest])
+        self.first = np.concatenate([windows.x0[:, self.loose] for windows in self.windows])
+        self.substep, self.error = substep, self.noise
         self.samples = sum(int(windows.is_new[:, 1:, self.used].sum()) for windows in self.windows)
 
     def fit(self, start: Floats, rounds: int = ROUNDS) -> SimulatedEstimate:
@@ -157,53 +166,62 @@ class OutputError:
         Raises:
             SimulationError: if the robot of the first estimate cannot be simulated.
         """
-        self.error = self.noise
+        self.error, self.trust = self.noise, self._trust(start)
         found = self._search(start, rounds)
         for _ in range(SEARCHES):
-            before, is_fine = found, self._is_fine(found.unknown)
-            explains = np.all(found.left < ALIKE * self.error)
-            if is_fine and explains:
-                break
-            if not is_fine:
+            before, trust = (self.substep, self.trust), self._trust(found.unknown)
+            while self.substep > FINEST and trust.mean() < ENOUGH:
                 self.substep *= 0.5
+                trust = self._trust(found.unknown)
+            explains = np.all(found.left < ALIKE * self.error)
+            is_settled = self.substep == before[0] and np.abs(trust - before[1]).mean() < SETTLED
+            if explains and is_settled:
+                break
             if not explains:
                 self.error = np.maximum(self.noise, found.left)
+            self.trust = trust
             found = self._search(found.unknown, rounds)
-            if explains and not found.cost < 0.95 * before.cost:
-                break  # finer steps do not help: what is left is something else
         return found
 
-    def _is_fine(self, unknown: Floats) -> bool:
-        """Whether steps of half the length give the same, compared with what is taken for noise."""
-        if self.substep <= FINEST:
-            return True
-        worst, coarse = 0.0, self.substep
+    def _trust(self, unknown: Floats) -> Floats:
+        """How much each window counts, (W,): less, the more halving the steps changes what is foretold.
+
+        Where friction reverses a motor in the middle of a step that is an error of first order, alike along the window:
+        twice the change remains, and counts as one more standard deviation of the window's.
+        """
+        found, coarse = [], self.substep
         for windows in self.windows:
-            part = windows.part(slice(None, None, max(1, len(windows) // 60)))
-            numbers = np.repeat(unknown[None, self.prior.is_free], len(part), axis=0)
+            numbers = np.repeat(unknown[None, self.prior.is_free], len(windows), axis=0)
             seen = []
             for self.substep in (coarse, 0.5 * coarse):
-                seen.append(self._simulated(numbers, part.x0, part.u, part.step) / self.error)
+                seen.append(self._simulated(numbers, windows.x0, windows.u, windows.step) / self.error)
             self.substep = coarse
-            apart = np.sqrt(np.mean((seen[1] - seen[0]) ** 2, axis=(0, 1)))
-            worst = max(worst, float(np.max(apart)))
-        return worst < FINE
+            change = seen[1] - seen[0]
+            change -= change.mean(axis=1, keepdims=True)  # offsets take it
+            with np.errstate(all="ignore"):
+                found.append(1.0 / (1.0 + 4.0 * np.sum(change**2, axis=(1, 2))))
+        return np.maximum(np.nan_to_num(np.concatenate(found)), LEAST)
 
     def misfit(self, estimate: Estimate) -> float:
-        """What an estimate leaves of these windows, over the noise; first velocities and offsets at their best."""
+        """What an estimate leaves of these windows, over the noise; first states and offsets at their best."""
         self.error = self.noise
         unknown = estimate.unknown[self.prior.is_free]
-        v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
+        first = self.first
         for _ in range(2):
-            now = self._linearized(unknown, None, v0)
-            v0 = v0 + now.start
+            now = self._linearized(unknown, None, first)
+            first = first + now.start
         return float(np.sqrt(now.cost(self.weight) / self.samples))
+
+    @property
+    def weight(self) -> Floats:
+        """Of each window's squares, (W,): segments count alike, windows that are integrated coarsely less."""
+        return np.asarray(self.shares * self.trust / max(float(self.trust.mean()), 1e-12))
 
     def _search(self, start: Floats, rounds: int) -> SimulatedEstimate:
         unknown = start[self.prior.is_free]
         scale = np.where(unknown != 0.0, np.abs(unknown), 1e-3 * np.abs(unknown).max())
-        v0 = np.concatenate([windows.x0[:, self.effort.n :] for windows in self.windows])
-        now = self._linearized(unknown, scale, v0)
+        first = self.first
+        now = self._linearized(unknown, scale, first)
         if not np.isfinite(now.cost(self.weight)):
             raise SimulationError("the first estimate is no robot that can be simulated", "give a longer, livelier log")
         damping = 1e-3
@@ -215,16 +233,17 @@ class OutputError:
             for _ in range(TRIES):
                 step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
                 other = self._limited(unknown, scale * step)
-                moved = v0 + now.start - now.start_slope @ ((other - unknown) / scale)
+                moved = first + now.start - now.start_slope @ ((other - unknown) / scale)
                 tried = self._linearized(other, None, moved).cost(weight) + self._surprise(other, precision)
                 if tried < cost:
                     break
                 damping *= 10.0
             else:
                 break
-            unknown, v0, now, damping = other, moved, self._linearized(other, scale, moved), damping / 10.0
-            if cost - tried < _DONE * cost:
+            unknown, first, now, damping = other, moved, self._linearized(other, scale, moved), damping / 10.0
+            if cost - tried < _DONE * cost / self.samples:
                 break
+        self.first = first + now.start
         return self._found(unknown, scale, now)
 
     def _precision(self, now: _Linearized) -> Floats:
@@ -237,7 +256,7 @@ class OutputError:
         return float(precision @ (unknown - self.mean) ** 2)
 
     def _weight(self, now: _Linearized) -> Floats:
-        """Of each window's squares, (W,): segments count alike, windows that are far off less."""
+        """The same, and windows that are far off less."""
         rms = np.sqrt(now.squares)
         return np.asarray(self.weight * np.minimum(1.0, OUTLIER * np.median(rms) / np.maximum(rms, 1e-300)) ** 2)
 
@@ -264,40 +283,40 @@ class OutputError:
             covariance=self.prior.spread_out(covariance),
             cost=float(np.sqrt(np.mean((left / self.noise) ** 2))),
             left=left,
+            substep=self.substep,
         )
 
-    def _linearized(self, unknown: Floats, scale: Floats | None, v0: Floats) -> _Linearized:
-        """At these numbers and first velocities; without a scale only what is left, v0 and offsets at their best."""
-        parts, first = [], 0
-        variants = 1 + (0 if scale is None else len(unknown)) + self.effort.n_v
+    def _linearized(self, unknown: Floats, scale: Floats | None, first: Floats) -> _Linearized:
+        """At these numbers and first states; without a scale only what is left at the best first states and offsets."""
+        parts, begun = [], 0
+        variants = 1 + (0 if scale is None else len(unknown)) + len(self.loose)
         for windows in self.windows:
             at_a_time = max(1, _ROWS // variants)
             for start in range(0, len(windows), at_a_time):
                 part = windows.part(slice(start, start + at_a_time))
-                parts.append(self._eliminated(part, unknown, scale, v0[first : first + len(part)]))
-                first += len(part)
+                parts.append(self._eliminated(part, unknown, scale, first[begun : begun + len(part)]))
+                begun += len(part)
         return _Linearized(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
 
     def _eliminated(
-        self, windows: Windows, unknown: Floats, scale: Floats | None, v0: Floats
+        self, windows: Windows, unknown: Floats, scale: Floats | None, first: Floats
     ) -> tuple[Floats, Floats, Floats, Floats]:
         """What `_Linearized` holds, of some windows: sensitivities by differences, all motions at once."""
         scale = np.empty(0) if scale is None else scale
-        count, n_v, n = len(windows), self.effort.n_v, len(scale)
-        steps = _DIFFERENCE * np.concatenate([scale, self.start_spread])
-        changes = np.vstack([np.zeros((1, n + n_v)), np.diag(steps)])
-        numbers = np.repeat(np.broadcast_to(unknown, (1 + n + n_v, len(unknown))), count, axis=0)
+        count, n_s, n = len(windows), len(self.loose), len(scale)
+        steps = _DIFFERENCE * np.concatenate([scale, self.spread])
+        changes = np.vstack([np.zeros((1, n + n_s)), np.diag(steps)])
+        numbers = np.repeat(np.broadcast_to(unknown, (1 + n + n_s, len(unknown))), count, axis=0)
         numbers[:, :n] += np.repeat(changes[:, :n], count, axis=0)
-        velocities = (v0 + changes[:, None, n:]).reshape(-1, n_v)
-        x0 = np.tile(windows.x0, (1 + n + n_v, 1))
-        x0[:, self.effort.n :] = velocities
-        u = np.broadcast_to(windows.u, (1 + n + n_v, *windows.u.shape)).reshape(-1, *windows.u.shape[1:])
+        x0 = np.tile(windows.x0, (1 + n + n_s, 1))
+        x0[:, self.loose] = (first + changes[:, None, n:]).reshape(-1, n_s)
+        u = np.broadcast_to(windows.u, (1 + n + n_s, *windows.u.shape)).reshape(-1, *windows.u.shape[1:])
         with np.errstate(all="ignore"):
             seen = self._simulated(numbers, x0, u, windows.step) / self.error
         if not np.all(np.abs(seen) < _HUGE):
             nothing = np.full((count, n + 1, n + 1), np.inf)
-            return nothing, np.zeros((count, n_v)), np.zeros((count, n_v, n)), np.zeros((count, len(self.channels)))
-        seen = seen.reshape(1 + n + n_v, count, -1)
+            return nothing, np.zeros((count, n_s)), np.zeros((count, n_s, n)), np.zeros((count, len(self.channels)))
+        seen = seen.reshape(1 + n + n_s, count, -1)
         left = (windows.z[:, :, self.used] / self.error).reshape(count, -1) - seen[0]
         slopes = np.moveaxis((seen[1:] - seen[0]) / steps[:, None, None], 0, -1)
         slopes[..., :n] *= scale
@@ -307,18 +326,18 @@ class OutputError:
         is_new = windows.is_new[:, :, self.used].reshape(count, -1)
         local = np.concatenate([slopes[..., n:], offsets], axis=-1) * is_new[..., None]
         left, slopes = left * is_new, slopes * is_new[..., None]
-        loose = np.zeros((count, n_v, local.shape[-1]))  # rows that hold v0 loosely: at rest friction hides it
-        loose[:, :, :n_v] = np.diag(1.0 / self.start_spread)
+        loose = np.zeros((count, n_s, local.shape[-1]))  # rows that hold first states: at rest friction hides them
+        loose[:, :, :n_s] = np.diag(1.0 / self.spread)
         local = np.concatenate([local, loose], axis=1)
-        left = np.concatenate([left, (windows.x0[:, self.effort.n :] - v0) / self.start_spread], axis=1)
-        slopes = np.concatenate([slopes, np.zeros((count, n_v, slopes.shape[-1]))], axis=1)
+        left = np.concatenate([left, (windows.x0[:, self.loose] - first) / self.spread], axis=1)
+        slopes = np.concatenate([slopes, np.zeros((count, n_s, slopes.shape[-1]))], axis=1)
         sizes = np.abs(local).max(axis=1, keepdims=True) + 1e-300
         q, r = np.linalg.qr(local / sizes)
         whole = np.concatenate([slopes[..., :n], left[..., None]], axis=-1)
         along = np.einsum("wki,wkj->wij", q, whole)
         rest = whole - np.einsum("wki,wij->wkj", q, along)
-        moves = np.linalg.solve(r + 1e-14 * np.eye(r.shape[-1]), along)[:, :n_v] / np.moveaxis(sizes, 1, 2)[:, :n_v]
-        squares = np.sum(rest[:, :-n_v, -1].reshape(count, -1, len(self.channels)) ** 2, axis=1)
+        moves = np.linalg.solve(r + 1e-14 * np.eye(r.shape[-1]), along)[:, :n_s] / np.moveaxis(sizes, 1, 2)[:, :n_s]
+        squares = np.sum(rest[:, :-n_s, -1].reshape(count, -1, len(self.channels)) ** 2, axis=1)
         return np.einsum("wki,wkj->wij", rest, rest), moves[..., -1], moves[..., :-1], squares
 
     def _simulated(self, numbers: Floats, x0: Floats, u: Floats, step: float) -> Floats:

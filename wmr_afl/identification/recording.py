@@ -11,6 +11,8 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.integrate import simpson
 
 from wmr_afl.errors import SimulationError, WmrError
 from wmr_afl.experiments.load import load_experiment
@@ -102,15 +104,17 @@ def usual_columns(model: Model) -> list[str]:
     return [*(f"angle:{motor}" for motor in model.input_units), *joints, *(f"rate:{name}" for name in bases)]
 
 
-def drive(loop: ClosedLoop, commands: Commands, samples: int) -> Drive:
+def drive(loop: ClosedLoop, commands: Commands, samples: int, substeps: int = SUBSTEPS) -> Drive:
     """The robot of a closed loop under other commands; friction, limits and disturbances are the loop's.
+
+    A sample is integrated in `substeps`, unless something of the drive goes by whole samples.
 
     Raises:
         SimulationError: if the motion grows without bound.
     """
     sampled = SampledPlant(loop)
     step, n = loop.sample_time, len(sampled.model.state_units)
-    substeps = 1 if sampled.counts_samples else SUBSTEPS
+    substeps = 1 if sampled.counts_samples else substeps
     z, values, h = sampled.start, sampled.values.pack(loop.plant.values), step / substeps
     one, applied = sampled.traced(), _applied(sampled)
     many = _repeated(one, substeps, sampled.states.size, sampled.values.size, len(sampled.model.input_units))
@@ -127,11 +131,11 @@ def drive(loop: ClosedLoop, commands: Commands, samples: int) -> Drive:
     model, p = sampled.model.in_library("numpy"), loop.plant.parameters
     q, v = every[:, : model.coordinate_count], every[:, model.coordinate_count :]
     rates = np.einsum("tij,tj->ti", np.broadcast_to(model.actuator_rates_matrix(q, p), (len(q), len(u), v.shape[1])), v)
-    angles = np.concatenate([np.zeros((1, len(u))), np.cumsum(0.5 * h * (rates[1:] + rates[:-1]), axis=0)])
-    rows = slice(None, -1, substeps)
-    return Drive(
-        model, p, np.asarray(step * np.arange(samples), dtype=float), every[rows], angles[rows], np.array(voltages)
-    )
+    within = sliding_window_view(rates, substeps + 1, axis=0)[::substeps]  # of each sample, both its ends with it
+    turned = np.cumsum(simpson(within, dx=h, axis=-1), axis=0)
+    angles = np.concatenate([np.zeros((1, len(u))), turned[:-1]])
+    time = np.asarray(step * np.arange(samples), dtype=float)
+    return Drive(model, p, time, every[:-1:substeps], angles, np.array(voltages))
 
 
 def _applied(sampled: SampledPlant) -> ca.Function:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -16,6 +17,8 @@ from wmr_afl.plant.integrators import rk4
 from wmr_afl.simulation.kernels.c_compiler import compiler, library
 
 SUBSTEP = 0.01  # [s], of the Runge-Kutta steps at most
+THREADS = os.cpu_count() or 1
+SHARED = 64  # motions, from which on threads take parts of them
 FINEST = 0.0025  # [s], however steep friction is
 
 
@@ -32,7 +35,7 @@ class Simulated:
 
         `unknown` is (N, unknown); the angles begin at zero. What grows without bound ends in NaN.
         """
-        sample = self._sample.map(len(x0))
+        sample = self._many(len(x0))
         state = np.concatenate([x0.T, np.zeros((u.shape[-1], len(x0)))])
         found = [state]
         for k in range(u.shape[1]):
@@ -40,10 +43,12 @@ class Simulated:
             found.append(state)
         return np.stack(found)
 
-    @property
-    def _sample(self) -> ca.Function:
-        """(state, u, unknown) -> the state one sample later."""
-        return _compiled(_sample(self.effort, self.step, self.substep))
+    def _many(self, count: int) -> ca.Function:
+        """(states, u, unknown) -> the states one sample later, of so many motions."""
+        built, key = self.effort.built, (self.step, self.substep)
+        if key not in built:
+            built[key] = _compiled(_sample(self.effort, self.step, self.substep))
+        return built[key].map(count, "thread", THREADS) if count >= SHARED else built[key].map(count)
 
 
 def _sample(effort: Effort, step: float, substep: float) -> ca.Function:

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.identification [--seeds 20] [--page docs/identification.md] [--real FOLDER]`: what a log tells.
+"""`python -m benchmarks.identification [--seeds 20] [--page docs/identification.md]`: what a log tells.
 
 Synthetic logs of ten robots: 60 s of multisine voltages, 20 ms, encoders of 2048 steps a turn, joints of 4096, a
 gyroscope with 0.01 rad/s of noise, Coulomb friction of 6 % of the amplitude that holds a motor at rest. Seeds are
@@ -22,7 +22,7 @@ from benchmarks.tables import in_markdown, in_terminal, replace_between
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.identify import Identified, identify
-from wmr_afl.identification.log import Log
+from wmr_afl.identification.log import Log, log_of
 from wmr_afl.identification.recording import Commands, Drive, Sensors, drive
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.formulas import numpy_value
@@ -234,10 +234,10 @@ def row(robot: str, logs: list[Tried]) -> list[str]:
     ]
 
 
-def rows(seeds: int, robots: list[str]) -> Iterator[list[str]]:
+def rows(seeds: range, robots: list[str]) -> Iterator[list[str]]:
     """Of each robot what its logs tell."""
     for robot in robots:
-        found = row(robot, [tried(robot, seed) for seed in range(seeds)])
+        found = row(robot, [tried(robot, seed) for seed in seeds])
         print(" | ".join(found), file=sys.stderr, flush=True)
         yield found
 
@@ -268,7 +268,9 @@ def faults() -> Iterator[list[str]]:
         ("an encoder dead", "dead encoder", dataclasses.replace(one, z=dead), {}),
         ("written four times as often as measured", "repeated", dataclasses.replace(one, z=one.z[every]), {}),
     ):
-        found = identify(made.model, log.of([segment]), coulomb="each", **options)  # type: ignore[arg-type]
+        columns = {channel.name: column for channel, column in zip(log.channels, segment.z.T, strict=True)}
+        read = log_of(made.model, segment.time, segment.u, columns)
+        found = identify(made.model, read, coulomb="each", **options)  # type: ignore[arg-type]
         said = next(str(check) for check in found.checks if check.name.startswith(word))
         pi = found.effort.base(made.model.parameters())
         worst = 100.0 * np.abs(found.estimate.unknown[: len(pi)] / pi - 1.0).max()
@@ -279,6 +281,7 @@ def main() -> None:
     """Print the table, and write it into a page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--first", type=int, default=100, help="seed")
     parser.add_argument("--robots", nargs="*", default=list(PLANS))
     parser.add_argument("--page", type=Path)
     parser.add_argument("--faults", action="store_true", help="logs that are wrong, instead")
@@ -291,7 +294,7 @@ def main() -> None:
                 given.page, ("<!-- faults -->", "<!-- end of faults -->"), in_markdown(FAULTS, told, left=2)
             )
         return
-    found = list(rows(given.seeds, given.robots))
+    found = list(rows(range(given.first, given.first + given.seeds), given.robots))
     Console(width=200).print(in_terminal(HEADINGS, found))
     if given.page:
         marks = "<!-- synthetic logs -->", "<!-- end of synthetic logs -->"

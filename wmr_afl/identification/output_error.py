@@ -23,7 +23,7 @@ from wmr_afl.numerics.arrays import Floats
 
 WINDOW = 1.0  # [s]
 LOOSE = 0.2  # of a velocity's root mean square, by which that of a window's start may be off
-JOINT = 4.0  # times the noise of a measured joint, by which its angle may be off: an encoder cuts off, it does not round
+JOINT = 4.0  # times the noise of a measured joint, by which its angle may be off: encoders cut off, they do not round
 OUTLIER = 3.0  # medians, beyond which a window counts less
 ROUNDS = 12
 TRIES = 5  # of a step, with more and more damping

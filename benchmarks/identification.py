@@ -99,7 +99,7 @@ def commands_of(robot: str, seed: int) -> Commands:
     return commands
 
 
-def driven(robot: str, seed: int, seconds: float) -> Drive:
+def driven(robot: str, seed: int, seconds: float, substeps: int | None = None) -> Drive:
     """A drive of a robot from rest, with friction at its motors."""
     loop = next(iter(load_experiment(f"track_{robot}").loops.values()))
     model, plan = loop.model, PLANS[robot]
@@ -109,7 +109,10 @@ def driven(robot: str, seed: int, seconds: float) -> Drive:
     coulomb = [FRICTION * plan.volts[motor] * gain for motor, gain in zip(model.input_units, gains, strict=True)]
     plant = Plant(model, p, np.zeros(len(model.state_units)), "rk4", [Friction(model, 0.0, coulomb, "wheels")])
     return drive(
-        dataclasses.replace(loop, plant=plant, sample_time=STEP), commands_of(robot, seed), round(seconds / STEP), FINE
+        dataclasses.replace(loop, plant=plant, sample_time=STEP),
+        commands_of(robot, seed),
+        round(seconds / STEP),
+        substeps or FINE,
     )
 
 

@@ -32,7 +32,8 @@ def identify(
         list[str] | None, typer.Option(help="NAME=VALUE: where the search begins, instead of the description's value.")
     ] = None,
     hold_out: Annotated[
-        str, typer.Option(help="What the methods are tried on: a segment's name, or a share between 0 and 0.8.")
+        str,
+        typer.Option(help="What the methods are tried on: segments by name (*back), or a share between 0 and 0.8."),
     ] = "0.3",
     coulomb: Annotated[
         str, typer.Option(help="Dry friction of each motor, of equal ones grouped, or none.")

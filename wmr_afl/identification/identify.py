@@ -210,10 +210,10 @@ def identify(
     """Find a robot's parameters from logs of its motors' voltages and its motion.
 
     `parameters` replace those of the description and stay: lengths that were measured. `guess` replaces others, from
-    which the search begins and to which what no log tells is left. `hold_out` is the segment, or the share
-    of the log, on which the two methods are tried; the better one is then made from the whole log. `delay` [s] is by
-    how much the motors answer later than the log says. With `partial` a log may lack a motion: what only that motion
-    tells stays as the description has it.
+    which the search begins and to which what no log tells is left. `hold_out` are the segments (by name, `*backward`),
+    or the share of the log, on which the two methods are tried; the better one is then made from the whole log. `delay`
+    [s] is by how much the motors answer later than the log says. With `partial` a log may lack a motion: what only that
+    motion tells stays as the description has it.
 
     Raises:
         InputError: if a file is wrong, or `hold_out` or `delay`.

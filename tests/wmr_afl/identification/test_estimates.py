@@ -19,8 +19,10 @@ from wmr_afl.identification.estimate import Estimate, jackknife, prior_of
 from wmr_afl.identification.excursions import others
 from wmr_afl.identification.held_out import foretold, score, split
 from wmr_afl.identification.identify import identify
+from wmr_afl.identification.log import Log
 from wmr_afl.identification.log_file import write_log
 from wmr_afl.identification.motion import Smoother
+from wmr_afl.identification.noise import standard_deviations
 from wmr_afl.identification.output_error import OutputError, delayed, windows_of
 from wmr_afl.identification.physical import physical
 from wmr_afl.identification.recording import Sensors, record
@@ -65,6 +67,55 @@ def test_output_error_finds_the_robot(robot: str) -> None:
     missed = np.abs(found.unknown - true)[told]
     assert np.all(missed < 4.0 * found.interval[told] + 3e-3 * np.abs(true[told]))
     assert np.median(missed / np.abs(true[told])) < 0.01
+
+
+def search_of(log: Log, robot: str, substep: float = 0.01, seconds: float = 1.0) -> OutputError:
+    """Output error on a whole log."""
+    smoother = Smoother(effort_of(robot), log.channels, standard_deviations(log))
+    motions = [smoother.motion(segment) for segment in log.segments]
+    return OutputError(smoother, windows_of(motions, seconds), prior_of(smoother.effort, 10.0), substep)
+
+
+@pytest.mark.parametrize("robot", ["type_2_1", "type_1_2"])
+def test_a_joint_that_was_read_coarsely_is_no_error_of_the_model(robot: str) -> None:
+    """Where a window begins its angle is free within some steps of its encoder: noise is all that is left."""
+    log = driven(robot).log(Sensors(joint=512.0, gyro=0.003))
+    search = search_of(log, robot, 0.0025)
+    assert search.misfit(Estimate("truth", truth(robot), np.empty((0, 0)))) < 1.1
+    moved = search.loose
+    joints = [i for i in moved if i < search.effort.n]
+    assert len(joints) == sum(search.effort.is_joint(one) for one in search.channels) > 0
+
+
+def test_windows_whose_steps_are_too_coarse_count_less() -> None:
+    """Where friction reverses a motor in the middle of a step; the finer the steps the fewer they are."""
+    log = driven("type_3_0").log(Sensors(encoder=65536.0))
+    coarse, fine = (search_of(log, "type_3_0", substep)._trust(truth("type_3_0")) for substep in (0.02, 0.0025))
+    assert np.all(coarse <= 1.0)
+    assert coarse.mean() < 0.5 < 0.8 < fine.mean()
+    search = search_of(log, "type_3_0", 0.02)
+    search.trust = coarse
+    assert search.weight.sum() == pytest.approx(search.shares.sum(), rel=1e-9)
+    without = driven("type_3_0", rubs=0.0).log(Sensors())
+    smooth = np.concatenate([truth("type_3_0", rubs=0.0)])
+    assert search_of(without, "type_3_0", 0.01)._trust(smooth).min() > 0.9
+
+
+def test_where_a_window_begins_is_as_read_off_unless_it_tells_better() -> None:
+    """While a robot stands without voltage nothing tells how its joints stand."""
+    log = driven("type_1_2").log(Sensors(gyro=0.0))
+    (moving,) = log.segments
+    rows = np.concatenate([np.zeros(150, dtype=int), np.arange(len(moving))])
+    u = np.vstack([np.zeros((150, 3)), moving.u])
+    log = log.of([replace(moving, u=u, z=moving.z[rows], is_new=moving.is_new[rows])])
+    search = search_of(log, "type_1_2", 0.005)
+    before = search.first.copy()
+    found = search.fit(truth("type_1_2"))
+    assert found.cost < 1.1
+    still = ~np.any(search.windows[0].u, axis=(1, 2))
+    assert still.sum() > 2
+    assert np.all(np.abs(search.first - before)[still] < 0.1 * search.spread)
+    assert np.any(np.abs(search.first - before)[~still] > 0.1 * search.spread)
 
 
 def test_windows_that_are_left_out_give_the_spread() -> None:

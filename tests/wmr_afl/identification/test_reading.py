@@ -145,11 +145,21 @@ def test_a_test_from_rest_gets_rest_in_front() -> None:
     """Half a second, so that its transient is not cut off."""
     log = driven("type_2_0", 3.0).log(Sensors(gyro=0.0))
     segment = log.segments[0]
-    still = replace(segment, u=np.vstack([np.zeros((3, 2)), segment.u]), z=np.vstack([segment.z[:1]] * 3 + [segment.z]))
+    rows = np.concatenate([np.zeros(3, dtype=int), np.arange(len(segment))])
+    volts = np.vstack([np.zeros((3, 2)), segment.u])
+    still = replace(segment, u=volts, z=segment.z[rows], is_new=segment.is_new[rows])
     rates = np.array([one.is_rate for one in log.channels])
     assert len(with_rest(still, rates)) == len(still) + 25
     assert with_rest(still, rates).start == pytest.approx(still.start - 0.5)
-    assert with_rest(segment, rates) is segment or len(with_rest(segment, rates)) == len(segment) + 25
+    early = with_rest(replace(still, u=still.u + np.array([1.0, 2.0])), rates)  # a logger that begins with the command
+    assert len(early) == len(still) + 25
+    assert not np.any(early.u[:25])
+    np.testing.assert_array_equal(early.u[25], [1.0, 2.0])
+    assert early.is_new.shape == early.z.shape
+    moving = segment.part(40, len(segment))
+    assert with_rest(moving, rates) is moving
+    turning = replace(still, z=still.z + np.where(rates, 0.1, 0.0))
+    assert with_rest(turning, rates) is turning
 
 
 def text_of(log: Log, robot: str = "type_2_0") -> str:

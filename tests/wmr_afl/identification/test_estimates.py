@@ -103,11 +103,13 @@ def test_windows_whose_steps_are_too_coarse_count_less() -> None:
 
 def test_where_a_window_begins_is_as_read_off_unless_it_tells_better() -> None:
     """While a robot stands without voltage nothing tells how its joints stand."""
-    log = driven("type_1_2").log(Sensors(gyro=0.0))
+    log = driven("type_1_2").log(Sensors())
     (moving,) = log.segments
     rows = np.concatenate([np.zeros(150, dtype=int), np.arange(len(moving))])
     u = np.vstack([np.zeros((150, 3)), moving.u])
-    log = log.of([replace(moving, u=u, z=moving.z[rows], is_new=moving.is_new[rows])])
+    gyro = np.array([one.is_rate for one in log.channels])
+    noise = np.where(np.arange(len(u))[:, None] < 150, 0.01 * np.random.default_rng(1).standard_normal((len(u), 1)), 0)
+    log = log.of([replace(moving, u=u, z=moving.z[rows] + gyro * noise, is_new=moving.is_new[rows])])
     search = search_of(log, "type_1_2", 0.005)
     before = search.first.copy()
     found = search.fit(truth("type_1_2"))

@@ -21,7 +21,8 @@ from rich.console import Console
 from benchmarks.tables import in_markdown, in_terminal, replace_between
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.identification.effort import Effort
-from wmr_afl.identification.identify import Identified, identify
+from wmr_afl.identification.identified import Identified
+from wmr_afl.identification.identify import identify
 from wmr_afl.identification.log import Log, log_of
 from wmr_afl.identification.recording import Commands, Drive, Sensors, drive
 from wmr_afl.numerics.arrays import Floats

@@ -23,7 +23,8 @@ from wmr_afl import load_model
 from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.estimate import Estimate
 from wmr_afl.identification.held_out import score
-from wmr_afl.identification.identify import Identified, identify
+from wmr_afl.identification.identified import Identified
+from wmr_afl.identification.identify import identify
 from wmr_afl.identification.log import Log, Segment
 from wmr_afl.identification.log_file import read_log
 from wmr_afl.identification.motion import with_rest

@@ -26,7 +26,8 @@ from wmr_afl.errors import (
 from wmr_afl.experiments.campaigns import CampaignResult, campaign, compare, replay
 from wmr_afl.experiments.experiment import list_experiments
 from wmr_afl.experiments.run import run, run_batch
-from wmr_afl.identification.identify import Identified, identify
+from wmr_afl.identification.identified import Identified
+from wmr_afl.identification.identify import identify
 from wmr_afl.identification.log import Log
 from wmr_afl.identification.voltage_design import excite
 from wmr_afl.model.derivation import derive

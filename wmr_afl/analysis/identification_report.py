@@ -19,7 +19,7 @@ from wmr_afl.analysis.page import inline, write_page
 from wmr_afl.identification.estimate import NOT_DETERMINED, ROUGH, Estimate
 from wmr_afl.identification.held_out import WHOLE, foretold
 from wmr_afl.identification.held_out import WINDOW as PIECE
-from wmr_afl.identification.identify import Identified
+from wmr_afl.identification.identified import Identified
 from wmr_afl.identification.motion import Motion
 from wmr_afl.model.files import is_shipped
 from wmr_input.errors import plain

@@ -15,7 +15,7 @@ from wmr_afl.cli.terminal import app, console, numbers_by_name, progress_bar, re
 from wmr_afl.errors import UnknownNameError
 
 if TYPE_CHECKING:
-    from wmr_afl.identification.identify import Identified
+    from wmr_afl.identification.identified import Identified
 
 LONGEST = 60  # characters of a formula
 COULOMB = ("each", "grouped", "none")

@@ -167,8 +167,7 @@ class Smoother:
         """1/noise of each rate after the kernel; those of passive joints are small if the others suffice."""
         kernels = np.array([np.linalg.norm(level if one.is_rate else slope) for one in self.channels])
         weights = self.used / (self.noise * kernels)
-        positions = np.array([one.matrix == "coordinate" and not one.is_rate for one in self.channels])
-        joints = positions & np.array([not self.effort.cyclic[one.index % self.effort.n] for one in self.channels])
+        joints = np.array([self.effort.is_joint(one) for one in self.channels])
         q = np.random.default_rng(0).normal(size=(4, self.effort.n))
         others = self.rows(q)[:, self.used & ~joints]
         if others.shape[1] and np.linalg.matrix_rank(others).min() == self.effort.n_v:

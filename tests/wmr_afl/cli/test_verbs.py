@@ -71,7 +71,10 @@ def test_models_are_listed_with_what_was_found_out() -> None:
         model = load_model(name)
         expected = [model.title, model.findings["type"], f"{len(model.base_parameter_units)}, {model.parametrization}"]
         assert table[name][1:] == [*expected, ", ".join(model.output_units)]
-    assert "study_1, study_1_laws, study_2, study_2_high_gain, study_2_pose, study_3, study_3_pose" in done.output
+    assert (
+        "study_1, study_1_identified, study_1_laws, study_2, study_2_high_gain, study_2_pose, study_3, study_3_pose"
+        in done.output
+    )
 
 
 def test_a_model_is_shown_with_all_its_findings(robot: str) -> None:

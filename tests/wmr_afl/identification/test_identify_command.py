@@ -23,11 +23,14 @@ from tests.wmr_afl.identification.logs import (
     small_drive,
     write,
 )
+from wmr_afl import run
 from wmr_afl.analysis.identification_report import open_ends, toml_text, write_identification
 from wmr_afl.cli import app, terminal
 from wmr_afl.errors import InputError, WmrError
+from wmr_afl.experiments.experiment import find_experiment
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.identification.identify import Identified, identify
+from wmr_afl.identification.identified import Identified
+from wmr_afl.identification.identify import identify
 from wmr_afl.identification.log import Log, log_of
 from wmr_afl.identification.log_file import read_logs
 
@@ -249,6 +252,22 @@ def test_a_contradiction_ends_with_status_one(drive: Log, monkeypatch: pytest.Mo
     assert result.exit_code == 1
     assert "a contradiction" in result.stdout
     assert "verdict bad" in Path("results/identified-type_2_0/report.html").read_text()
+
+
+def test_the_shipped_experiment_goes_from_a_log_to_control() -> None:
+    """What was identified drives study 1 within a millimetre; the wrong description does not come near."""
+    runs = run("study_1_identified", "casadi")
+    error = {name: float(np.linalg.norm(one.rms(since=100.0))) for name, one in runs.items()}
+    assert error["exact from the log"] < 1e-3
+    assert error["adaptive from the log"] <= error["exact from the log"]
+    assert error["adaptive from the log"] < error["adaptive from ones"]
+    assert error["exact from the description"] > 0.1
+    true = load_experiment("study_1_identified").loops["exact from the log"].plant.parameters
+    guess = tomllib.loads(find_experiment("study_1_identified").read_text())["controllers"]["exact from the log"]
+    effort = effort_of(ROBOT)
+    names = list(effort.model.parameter_units)
+    found = effort.base(np.array([guess["guess"].get(name, true[names.index(name)]) for name in names]))
+    np.testing.assert_allclose(found, effort.base(true), rtol=0.02)
 
 
 def test_a_named_segment_is_held_out() -> None:

@@ -12,13 +12,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from wmr_afl.cli.terminal import app, console, numbers_by_name, progress_bar, reporting, say
-from wmr_afl.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from wmr_afl.identification.identified import Identified
 
 LONGEST = 60  # characters of a formula
-COULOMB = ("each", "grouped", "none")
 
 
 @app.command()
@@ -61,8 +59,6 @@ def identify(
             numbers_by_name("--set", set_),
             numbers_by_name("--guess", guess),
         )
-        if coulomb not in COULOMB:
-            raise UnknownNameError("kind of friction", coulomb, COULOMB)
         folder = out or Path("results", f"identified-{model.name}")
         check_writable(folder)
         with progress_bar() as progress:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.errors import InputError, SimulationError, WmrError
+from wmr_afl.errors import InputError, SimulationError, UnknownNameError, WmrError
 from wmr_afl.identification.checks import (
     Finding,
     check_input,
@@ -62,9 +63,12 @@ def identify(
 
     Raises:
         InputError: if a file is wrong, or `hold_out` or `delay`.
+        UnknownNameError: if there is no such kind of friction.
         WmrError: if the log cannot serve: too short, at rest, without a motion that is needed; the text says which.
         MissingTermError: if the robot's dynamics are not linear in base parameters.
     """
+    if coulomb not in get_args(Coulomb):
+        raise UnknownNameError("kind of friction", coulomb, get_args(Coulomb))
     model = robot if isinstance(robot, Model) else load_model(robot)
     p = model.parameters(**{**(guess or {}), **(parameters or {})})
     check_robots(model, {}, p)

@@ -203,14 +203,17 @@ class OutputError:
         return np.maximum(np.nan_to_num(np.concatenate(found)), LEAST)
 
     def misfit(self, estimate: Estimate) -> float:
-        """What an estimate leaves of these windows, over the noise; first states and offsets at their best."""
+        """What an estimate leaves of these windows, over the noise; first states and offsets at their best.
+
+        A window that is far off counts less: near a singularity the best of estimates foretells nothing.
+        """
         self.error = self.noise
         unknown = estimate.unknown[self.prior.is_free]
         first = self.first
         for _ in range(2):
             now = self._linearized(unknown, None, first)
             first = first + now.start
-        return float(np.sqrt(now.cost(self.weight) / self.samples))
+        return float(np.sqrt(now.cost(self._weight(now)) / self.samples))
 
     @property
     def weight(self) -> Floats:

@@ -108,8 +108,6 @@ def _words(hint: Any) -> str:
 
 
 def _word(kind: Any, inside: tuple[Any, ...]) -> str:
-    if kind is Literal:
-        return f"one of {', '.join(map(repr, inside))}"
     entries = f", each entry {_words(inside[0])}" if kind is Sequence and inside else ""
     return f"{_KINDS[kind][0] if kind in _KINDS else f'a {kind.__name__}'}{entries}"
 
@@ -148,7 +146,7 @@ def _several(value: Any, inside: tuple[Any, ...]) -> Any:
 
 _KINDS: dict[Any, tuple[str, Callable[[Any, Any], Any]]] = {  # annotation -> what is wanted, the value if it is that
     str: ("text", _text),
-    Literal: ("a name", lambda value, names: value if isinstance(value, str) and value in names else _UNFIT),
+    Literal: ("a name", _text),
     Path: ("a path", _path),
     NoneType: ("None", lambda value, _: value if value is None else _UNFIT),
     float: ("a number", _number),

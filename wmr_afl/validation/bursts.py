@@ -62,6 +62,4 @@ def bursts(mechanism: Mechanism, other: Mechanism | None = None, count: int = 20
         nothing = np.full(n_v, np.nan)
         return Bursts(nothing, nothing, count, slipped)
     size = np.sqrt(np.mean(np.square(sizes), axis=0))
-    return Bursts(
-        np.sqrt(np.mean(np.square(errors), axis=0)) / size, np.abs(errors).max(axis=0) / size, count, slipped
-    )
+    return Bursts(np.sqrt(np.mean(np.square(errors), axis=0)) / size, np.abs(errors).max(axis=0) / size, count, slipped)

@@ -78,7 +78,8 @@ def drive(
             if HELD * k > SETTLED and k % EVERY == 0:
                 friction = np.maximum(friction, engine.friction)
         runs.append(np.array(states))
-    return Driven(HELD * np.arange(count + 1), told, *runs, friction)
+    coarse, fine = runs
+    return Driven(np.array(HELD * np.arange(count + 1), dtype=float), told, coarse, fine, friction)
 
 
 def _by_model(model: Model, p: Floats, start: Floats, voltages: Floats) -> Floats:

@@ -22,10 +22,10 @@ def mujoco() -> ModuleType:
         WmrError: if it is not installed.
     """
     try:
-        import mujoco as engine
+        import mujoco as engine  # type: ignore[import-untyped]
     except ImportError:
         raise WmrError("MuJoCo is not installed", "pip install 'wmr-afl[mujoco]'") from None
-    return engine  # type: ignore[no-any-return]
+    return engine
 
 
 class Engine:

@@ -1,8 +1,7 @@
-"""A robot in numbers, as a physics engine wants it: frames on joints, bodies, wheels, motors; nothing of constraints."""
+"""A robot in numbers, as an engine wants it: frames on joints, bodies, wheels, motors; nothing of constraints."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -85,7 +84,7 @@ class Mechanism:
 
     @property
     def _parts(self) -> dict[str, dict[str, Any]]:
-        return self.model.metadata["geometry"]  # type: ignore[no-any-return]
+        return dict(self.model.metadata["geometry"])
 
     @cached_property
     def _values(self) -> dict[str, float]:
@@ -98,7 +97,7 @@ class Mechanism:
     @cached_property
     def frames(self) -> tuple[Frame, ...]:
         """Parents first."""
-        turns = [False, *self._turning[3:].any(axis=1)]
+        turns = np.concatenate([[False], self._turning[3:].any(axis=1)])
         return tuple(
             Frame(name, frame.get("parent"), self._point(frame.get("at", ("0", "0"))), bool(is_joint))
             for (name, frame), is_joint in zip(self._parts["frames"].items(), turns, strict=True)
@@ -107,14 +106,20 @@ class Mechanism:
     @cached_property
     def bodies(self) -> tuple[Body, ...]:
         """Without wheels."""
-        return tuple(self._body(part) for part in self._parts["bodies"].values())
+        return tuple(
+            Body(part["frame"], self._point(part["at"]), self._number(part["mass"]), self._number(part["inertia"]))
+            for part in self._parts["bodies"].values()
+        )
 
     @cached_property
     def wheels(self) -> tuple[Wheel, ...]:
         """In the description's order."""
         return tuple(
             Wheel(
-                **vars(self._body(part)),
+                frame=part["frame"],
+                at=self._point(part["at"]),
+                mass=self._number(part["mass"]),
+                inertia=self._number(part["inertia"]),
                 name=name,
                 radius=self._number(part["radius"]),
                 angle=self._number(part["angle"]),
@@ -146,7 +151,7 @@ class Mechanism:
     def place(self) -> ca.Function:
         """q -> x, y and heading of the root and the angles of all joints (3+joints,), and their Jacobian."""
         q, every = self._angles
-        found = every[[0, 1, 2, *(3 + i for i, frame in enumerate(self.frames[1:]) if frame.is_joint)]]
+        found = every[[0, 1, 2, *(i for i, frame in enumerate(self.frames[1:], 3) if frame.is_joint)]]
         return ca.Function("place", [q], [found, ca.jacobian(found, q)])
 
     @cached_property
@@ -164,7 +169,8 @@ class Mechanism:
                 first[one] = i
                 continue
             both = ca.Function("both", [q], [every[3 + i], every[3 + first[one]]])
-            at, here = (np.array([float(value) for value in both(np.eye(q.numel())[one] * angle)]) for angle in (0, 1))
+            unit = np.eye(q.numel())[one]
+            at, here = (np.array([float(value) for value in both.call([angle * unit])]) for angle in (0.0, 1.0))
             slope = (here[0] - at[0]) / (here[1] - at[1])
             found[names[i]] = (names[first[one]], float(at[0] - slope * at[1]), float(slope))
         return found
@@ -226,10 +232,6 @@ class Mechanism:
         if stands and loads.min() > LEAST_LOAD * weight / count:
             return loads, True
         return np.full(count, weight / count), False
-
-    def _body(self, part: Mapping[str, Any]) -> Body:
-        mass, inertia = self._number(part["mass"]), self._number(part["inertia"])
-        return Body(part["frame"], self._point(part["at"]), mass, inertia)
 
     def _point(self, at: Any) -> Floats:
         return np.array([self._number(one) for one in at])

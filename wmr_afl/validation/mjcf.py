@@ -71,7 +71,7 @@ def xml_of(mechanism: Mechanism, loads: Floats, contact: Contact) -> str:
     world = ET.SubElement(root, "worldbody")
     ET.SubElement(world, "light", pos="0 0 20", dir="0 0 -1", directional="true", diffuse=".4 .4 .4", specular="0 0 0")
     ET.SubElement(world, "geom", name="floor", type="plane", size="0 0 .1", material="grid")
-    bodies = {None: world}
+    bodies: dict[str | None, ET.Element] = {None: world}
     for frame in mechanism.frames:
         bodies[frame.name] = _frame(bodies[frame.parent], mechanism, frame.name, contact)
     pairs = ET.SubElement(root, "contact")
@@ -93,7 +93,7 @@ def xml_of(mechanism: Mechanism, loads: Floats, contact: Contact) -> str:
 
 def _frame(parent: ET.Element, mechanism: Mechanism, name: str, contact: Contact) -> ET.Element:
     frame = next(one for one in mechanism.frames if one.name == name)
-    place = {"pos": _text(*frame.at, 0)}
+    place: dict[str, Any] = {"pos": _text(*frame.at, 0)}
     if frame.parent is not None and not frame.is_joint:
         place["euler"] = _text(0, 0, mechanism.fixed_angle(name))
     body = ET.SubElement(parent, "body", name=name, **place)
@@ -117,16 +117,18 @@ def rest_of(mechanism: Mechanism, name: str, contact: Contact) -> Rest:
     for part in (*mechanism.bodies, *mechanism.wheels):
         if part.frame == name:
             mass, moment = mass + part.mass, moment + part.mass * part.at
-            inertia += part.inertia + part.mass * part.at @ part.at
+            inertia += part.inertia + part.mass * float(part.at @ part.at)
     for wheel in mechanism.wheels:
         if wheel.frame == name:
             own, around = hung(wheel, mechanism, contact)
             mass, moment = mass - own, moment - own * wheel.at
-            inertia -= around + own * wheel.at @ wheel.at
-    size = max(np.hypot(*part.at) for part in (*mechanism.wheels, *mechanism.frames)) + mechanism.wheels[0].radius
+            inertia -= around + own * float(wheel.at @ wheel.at)
+    places = [*(wheel.at for wheel in mechanism.wheels), *(frame.at for frame in mechanism.frames)]
+    size = max(float(np.hypot(*at)) for at in places) + mechanism.wheels[0].radius
     mass = max(mass, contact.light * mechanism.mass)
     centre = moment / mass
-    return Rest(mass, centre, max(inertia - mass * centre @ centre, 1e-2 * contact.light * mechanism.mass * size**2))
+    inertia -= mass * float(centre @ centre)
+    return Rest(mass, centre, max(inertia, 1e-2 * contact.light * mechanism.mass * size**2))
 
 
 def hung(wheel: Wheel, mechanism: Mechanism, contact: Contact) -> tuple[float, float]:
@@ -203,7 +205,7 @@ def _box(body: ET.Element, mechanism: Mechanism, name: str, height: float) -> No
 def _disc(body: ET.Element, wheel: Wheel) -> None:
     """A wheel as one sees it; that of a Swedish one does not turn with its contact."""
     is_own = wheel.roller_angle is None
-    place = {"pos": "0 0 0", "euler": _text(0.5 * np.pi, 0, 0)}
+    place: dict[str, Any] = {"pos": "0 0 0", "euler": _text(0.5 * np.pi, 0, 0)}
     if not is_own:
         place = {"pos": _text(*wheel.at, wheel.radius), "euler": _text(0.5 * np.pi, 0, wheel.angle)}
     ET.SubElement(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.validation.mechanism import Mechanism
@@ -45,9 +46,9 @@ class Waves:
                 phase.append(np.array([1.3 + k, 0.4 + 2.0 * k, 0.0]))
         return cls(*(np.array(one) for one in (constant, size, rate, phase)))
 
-    def at(self, t: Floats) -> Floats:
+    def at(self, t: ArrayLike) -> Floats:
         """(T, n_u) [V]."""
-        time = np.asarray(t)[:, None, None]
+        time = np.asarray(t, dtype=float)[:, None, None]
         waves = np.sum(self.size * np.sin(self.rate * time + self.phase), axis=-1) * np.minimum(time[..., 0], 1.0)
         return self.constant * (1.0 - np.exp(-time[..., 0] / RISE)) + waves
 

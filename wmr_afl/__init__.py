@@ -39,6 +39,7 @@ from wmr_afl.onboard.export import export
 from wmr_afl.simulation.batch import BatchResult
 from wmr_afl.simulation.result import Failure, Run
 from wmr_afl.simulation.simulate import SimulationWarning
+from wmr_afl.validation.validate import Validation, validate
 
 generated = _generated()
 
@@ -66,6 +67,7 @@ __all__ = [
     "SimulationError",
     "SimulationWarning",
     "UnknownNameError",
+    "Validation",
     "Waypoints",
     "WmrError",
     "along",
@@ -82,4 +84,5 @@ __all__ = [
     "replay",
     "run",
     "run_batch",
+    "validate",
 ]

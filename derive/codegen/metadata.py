@@ -11,7 +11,7 @@ from sympy import Expr
 
 from ..algebra.formula_text import TOO_LONG, formula, readable
 from ..derivation import Derivation
-from ..mechanics.poses import geometry
+from ..mechanics.poses import Part, geometry
 from .arguments import arguments_of, unit_text, units_of
 from .findings import findings
 
@@ -44,7 +44,8 @@ class Metadata:
     effort_parameter_formulas: dict[str, str]
     gain_ratio_formulas: dict[str, str]  # input -> its motor's gain by that of the first one in the same rows; not ones
     effort_obstacle: str | None  # why there are none
-    geometry: dict[str, dict[str, dict[str, str | list[str]]]]
+    geometry: dict[str, dict[str, Part]]
+    further_constraints: int  # that no wheel makes
     slip_rows: list[dict[str, str]]  # of each row of the slip matrix the wheel and its direction, or the joint
     findings: dict[str, Any]
 
@@ -115,6 +116,7 @@ def describe(derivation: Derivation) -> Metadata:
         },
         effort_obstacle=d.effort if isinstance(d.effort, str) else None,
         geometry=geometry(d.robot),
+        further_constraints=len(d.robot.constraints),
         slip_rows=[row.about for row in d.kinematics.slip_rows],
         findings=findings(derivation),
     )

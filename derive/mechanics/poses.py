@@ -1,4 +1,4 @@
-"""Where the parts of a robot are, as expressions of coordinates and parameters: for those who draw it."""
+"""Where the parts of a robot are and what they weigh, as expressions: for those who draw it or build it elsewhere."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from sympy import Expr
 
 from ..algebra.formula_text import formula
 from ..algebra.trigonometry import shortest
-from ..description.robot import Frame, Point2, Robot
+from ..description.robot import Body, Frame, Point2, Robot
+
+Part = dict[str, str | list[str]]
 
 
 @dataclass(frozen=True)
@@ -42,34 +44,42 @@ def frame_poses(robot: Robot) -> dict[str, Pose]:
     return poses
 
 
-def geometry(robot: Robot) -> dict[str, dict[str, dict[str, str | list[str]]]]:
-    """Frames, wheels and bodies by name, each with x, y and heading as text; ready for JSON.
+def geometry(robot: Robot) -> dict[str, dict[str, Part]]:
+    """Frames, wheels and bodies by name as text; ready for JSON.
 
-    A joint with limits has its angle besides, and the smallest and the largest value of this angle.
+    x, y and heading are absolute; `at` and `angle` are in the parent frame, or the own frame of a wheel or a body.
+    A wheel's `inertia` is about the vertical, its `spin_inertia` about its axle.
     """
     poses = frame_poses(robot)
-    frames = {
-        frame.name: _texts(poses[frame.name]) | ({"parent": frame.parent} if frame.parent else {}) | _limits(frame)
-        for frame in robot.frames
-    }
+    frames = {frame.name: _texts(poses[frame.name]) | _joint(frame) for frame in robot.frames}
     wheels = {
         wheel.name: _texts(poses[wheel.frame].child(wheel.at, wheel.heading))
         | {"frame": wheel.frame, "radius": formula(wheel.radius)}
         | ({} if wheel.is_conventional else {"roller_angle": formula(wheel.roller_angle)})
+        | {"angle": formula(wheel.heading), "spin_inertia": formula(wheel.spin_inertia)}
+        | _mass(wheel)
         for wheel in robot.wheels
     }
     bodies = {
-        f"{body.frame} {number}": _texts(poses[body.frame].child(body.at, sp.S.Zero)) | {"frame": body.frame}
+        f"{body.frame} {number}": _texts(poses[body.frame].child(body.at, sp.S.Zero))
+        | {"frame": body.frame}
+        | _mass(body)
         for number, body in enumerate(robot.bodies, 1)
     }
     return {"frames": frames, "wheels": wheels, "bodies": bodies}
 
 
-def _limits(frame: Frame) -> dict[str, str | list[str]]:
-    if frame.limits is None:
+def _joint(frame: Frame) -> Part:
+    if frame.parent is None:
         return {}
-    return {"angle": formula(frame.angle), "limits": list(map(formula, frame.limits))}
+    limits: Part = {} if frame.limits is None else {"limits": list(map(formula, frame.limits))}
+    at = list(map(formula, frame.at))
+    return {"parent": frame.parent, "at": at, "angle": formula(frame.angle), **limits}
 
 
-def _texts(pose: Pose) -> dict[str, str | list[str]]:
+def _mass(body: Body) -> Part:
+    return {"at": list(map(formula, body.at)), "mass": formula(body.mass), "inertia": formula(body.inertia)}
+
+
+def _texts(pose: Pose) -> Part:
     return {"x": formula(pose.x), "y": formula(pose.y), "heading": formula(pose.heading)}

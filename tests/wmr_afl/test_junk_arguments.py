@@ -107,6 +107,7 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
         lambda w: {"robot": w.model, "volts": 9.0, "room": 2.0, "seconds": 4.0, "frequencies": [0.5]},
     ),
     "identify": (wmr_afl.identify, lambda w: {"robot": w.model, "logs": w.log, "parameters": GEOMETRY}),
+    "validate": (wmr_afl.validate, lambda w: {"robot": w.model, "count": 2, "seconds": 0.2}),
     "export": (wmr_afl.export, lambda w: {"experiment": w.experiment, "is_unlimited": True, "samples": 2}),
     "Reference": (Reference, lambda w: {"expressions": {"y1": "t"}}),
     "Reference.ordered": (Reference.ordered, lambda w: {"self": w.controller.reference}),
@@ -132,6 +133,7 @@ CALLS: dict[str, tuple[Callable[..., Any], Usual]] = {  # public function -> its
 }
 NOT_CALLED = {
     "Identified",
+    "Validation",
     "Log",
     "BatchResult",
     "CampaignResult",
@@ -147,6 +149,7 @@ SLOW = {
     "save": 5,
     "excite": 4,
     "identify": 4,
+    "validate": 2,
 }  # calls that draw or search -> how often in the suite
 ROUNDS = 10  # of the others, for each argument
 ARITHMETIC = ("Reference.at", "Reference.over", "Pieces.at", "Pieces.over")  # where what is not finite goes through

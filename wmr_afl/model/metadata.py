@@ -61,35 +61,63 @@ class MotorEntry(_Part):
     back_emf: Formula
 
 
+Place = Annotated[list[Formula], Field(min_length=2, max_length=2)]
+
+
 class PartEntry(_Part):
     """Where a frame, a wheel or a body is."""
 
     x: Formula
     y: Formula
     heading: Formula
-    parent: Formula | None = None  # of a frame
-    frame: Formula | None = None  # of a wheel or a body
-    roller_angle: Formula | None = None
 
 
-class WheelEntry(PartEntry):
-    """A wheel has a radius besides."""
+class FrameEntry(PartEntry):
+    """What a frame hangs on, and by which angle it is turned; the root has neither."""
+
+    parent: Formula | None = None
+    at: Place | None = None
+    angle: Formula | None = None
+    limits: Place | None = None
+
+    @model_validator(mode="after")
+    def _hangs_somewhere(self) -> FrameEntry:
+        if len({self.parent is None, self.at is None, self.angle is None}) != 1:
+            raise FieldError("names a part of its joint only")
+        return self
+
+
+class BodyEntry(PartEntry):
+    """A mass of a frame."""
+
+    frame: Formula
+    at: Place
+    mass: Formula
+    inertia: Formula
+
+
+class WheelEntry(BodyEntry):
+    """A mass that rolls."""
 
     radius: Formula
+    angle: Formula
+    spin_inertia: Formula
+    roller_angle: Formula | None = None
 
 
 class GeometryEntry(_Part):
     """The parts of a robot by name."""
 
-    frames: Annotated[dict[Line, PartEntry], Field(min_length=1)]
+    frames: Annotated[dict[Line, FrameEntry], Field(min_length=1)]
     wheels: dict[Line, WheelEntry]
-    bodies: dict[Line, PartEntry]
+    bodies: dict[Line, BodyEntry]
 
     @model_validator(mode="after")
     def _frames_are_there(self) -> GeometryEntry:
-        for part in (*self.frames.values(), *self.wheels.values(), *self.bodies.values()):
-            if any(frame is not None and frame not in self.frames for frame in (part.parent, part.frame)):
-                raise FieldError("names a frame that there is not")
+        named = [frame.parent for frame in self.frames.values() if frame.parent is not None]
+        named += [part.frame for part in (*self.wheels.values(), *self.bodies.values())]
+        if any(frame not in self.frames for frame in named):
+            raise FieldError("names a frame that there is not")
         return self
 
 
@@ -196,6 +224,7 @@ class Metadata(_Part):
     gain_ratio_formulas: dict[Name, Formula]
     effort_obstacle: Formula | None
     geometry: GeometryEntry
+    further_constraints: Count  # that no wheel makes
     slip_rows: list[SlipEntry]
     findings: FindingsEntry
 

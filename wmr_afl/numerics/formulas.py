@@ -59,6 +59,16 @@ def numpy_value(formula: str, names: Mapping[str, Any]) -> Any:
     return evaluate(formula, Algebra(dict(names) | {"pi": pi}, _ON_ARRAYS, _number), LONGEST_FORMULA)
 
 
+def casadi_value(formula: str, names: Mapping[str, Any]) -> Any:
+    """The value of a formula over `names`, which may be CasADi's symbols.
+
+    Raises:
+        ExpressionError: if the formula is not arithmetic over these names.
+    """
+    functions = {name: _OF_TIME[name] for name in _ON_ARRAYS}
+    return evaluate(formula, Algebra(dict(names) | {"pi": pi}, functions, _number), LONGEST_FORMULA)
+
+
 def time_expression(text: str, t: ca.SX) -> ca.SX:
     """An expression of time `t` [s] as a CasADi expression.
 

@@ -28,6 +28,10 @@ def check_writable(folder: Path) -> None:
     Raises:
         WmrError: if it cannot be written.
     """
+    try:
+        Path.cwd()
+    except OSError:
+        raise WmrError("the folder that you are in is gone", "change to one that is there") from None
     there = next(path for path in (folder, *folder.absolute().parents) if os.path.lexists(path))
     if not os.path.isdir(there) or not os.access(there, os.W_OK | os.X_OK):
         raise WmrError(f"{there}: cannot be written", "name a writable folder")
@@ -61,13 +65,16 @@ def write_results(runs: Mapping[str, Run], folder: Path) -> list[Path]:
 def renewed(folder: Path) -> Iterator[Path]:
     """Yield a folder for results, which takes the place of `folder` at once; what else lies there stays.
 
-    Where nothing can be written beside the folder, or it is another disk, results go into it file by file.
+    Where nothing can be written beside the folder, it is another disk or one is in it, results go into it file by file.
 
     Raises:
         WmrError: if it cannot be written; what was there stays.
     """
     place = folder.resolve() if folder.is_dir() else folder  # results may lie on another disk, behind a link
-    if place.is_dir() and not (os.access(place.parent, os.W_OK | os.X_OK) and not os.path.ismount(place)):
+    is_around = place.is_dir() and Path.cwd().is_relative_to(place)  # a shell would stand in a folder that is gone
+    if is_around or (
+        place.is_dir() and not (os.access(place.parent, os.W_OK | os.X_OK) and not os.path.ismount(place))
+    ):
         yield folder
         return
     with _writing(folder), renewing(place) as beside:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from wmr_afl.cli.terminal import Experiment, app, reporting, say
+from wmr_afl.errors import InputError
 
 
 @app.command()
@@ -43,8 +44,10 @@ def record(
         model = next(iter(loaded.loops.values())).model
         played = None if voltages is None else read_voltages(model.in_library("numpy"), voltages)
         sensors = Sensors(encoder, joint, gyro, every, seed, tuple(measured or ()))
-        log = recorded(experiment, controller=controller, commands=played, seconds=seconds, sensors=sensors)
         file = out or Path("results", loaded.path.stem, "log.csv")
+        if voltages is not None and str(voltages) != "-" and file.exists() and file.samefile(voltages):
+            raise InputError("out", str(file), "is the file of the voltages", "name another file")
+        log = recorded(experiment, controller=controller, commands=played, seconds=seconds, sensors=sensors)
         driver = f"voltages of {voltages}" if voltages else f"controller {loaded.name(controller)}"
         about = [
             f"{model.name}, experiment {loaded.path.stem}, {driver}; simulated",

@@ -21,6 +21,7 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # it would swallow units in brackets
 )
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)

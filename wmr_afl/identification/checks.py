@@ -118,8 +118,11 @@ def _sensors(smoother: Smoother, motions: list[Motion]) -> Iterator[Finding]:
         found = _compared(smoother, motions, k, wheels)
         if found is None:
             continue
-        compared, channel = True, smoother.channels[k].name
+        channel = smoother.channels[k].name
         slope, deviation = found.slope, found.slope_deviation
+        if deviation > 0.5 * max(abs(slope), 1.0):
+            continue  # of a motion that there is not
+        compared = True
         if abs(found.lag) > max(LATE, SCATTER * found.lag_deviation):
             when = "later" if found.lag > 0.0 else "earlier"
             text = f"{channel} comes {1e3 * abs(found.lag):.0f} ms {when} than the encoders"
@@ -128,6 +131,9 @@ def _sensors(smoother: Smoother, motions: list[Motion]) -> Iterator[Finding]:
             yield Finding(
                 name, f"{channel} is {abs(slope):.1f} times what the encoders say", f"convert {channel} to rad"
             )
+        elif abs(abs(slope) * DEGREES - 1.0) < 0.1:
+            text = f"the encoders say {1.0 / abs(slope):.1f} times what {channel} says"
+            yield Finding(name, text, "convert the encoders to rad")
         elif slope < 0.0:
             text = f"{channel} runs against the encoders (by a factor of {slope:.2f})"
             yield Finding(name, text, f"multiply {channel} by -1 (counter-clockwise is positive), or the encoders")

@@ -12,7 +12,7 @@ from wmr_afl.identification.motion import Motion, Smoother
 from wmr_afl.identification.output_error import OutputError, delayed, windows_of
 from wmr_afl.identification.weak_form import WeakForm
 
-MOST = 0.12  # [s], that is tried; half as much the other way
+MOST = 0.12  # [s], that is tried both ways
 CLEAR = 0.1  # of what simulated windows leave, which a delay has to explain to be believed
 
 
@@ -28,7 +28,7 @@ def dead_time(smoother: Smoother, motions: Sequence[Motion], weak: WeakForm, win
     """
     step = float(np.median([motion.segment.step for motion in motions]))
     count = min(8, max(2, round(MOST / step)))
-    tried = np.linspace(-0.5 * MOST, MOST, 3 * count + 1)
+    tried = np.linspace(-MOST, MOST, 4 * count + 1)
     left = [weak.estimate(_delayed(smoother, motions, delay)).left for delay in tried]
     best = int(np.argmin(left))
     if best in (0, len(tried) - 1):  # it would go on: what is wrong is something else
@@ -42,7 +42,9 @@ def dead_time(smoother: Smoother, motions: Sequence[Motion], weak: WeakForm, win
         if not windows:
             return found, 0.0
         misfits.append(OutputError(smoother, windows, weak.prior).misfit(weak.estimate(moved)))
-    return found, 1.0 - misfits[1] / misfits[0] if np.all(np.isfinite(misfits)) else 0.0
+    if not np.isfinite(misfits[1]):
+        return found, 0.0
+    return found, 1.0 - misfits[1] / misfits[0]  # without the delay a simulation may fail: it then explains all
 
 
 def _delayed(smoother: Smoother, motions: Sequence[Motion], delay: float) -> list[Motion]:

@@ -67,7 +67,9 @@ def foretold(smoother: Smoother, motion: Motion, estimate: Estimate) -> tuple[ND
     states = Simulated(effort, segment.step).states(numbers, motion.x[starts], held)
     rows = (starts[:, None] + np.arange(reach, count - reach)).ravel()
     v = states[:-1, effort.n : effort.n + effort.n_v]
-    velocities = smoother.averaged(v, segment.step).transpose(2, 0, 1).reshape(-1, effort.n_v)
+    with np.errstate(invalid="ignore"):  # of a simulation that fails
+        filtered = smoother.averaged(v, segment.step)
+    velocities = filtered.transpose(2, 0, 1).reshape(-1, effort.n_v)
     return rows, velocities
 
 

@@ -17,6 +17,7 @@ from wmr_afl.identification.physical import Physical
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 
+EXPLAINED = 50.0  # [%] of what was held out: with less a robot does not match its log
 SLIGHT = 5e-3  # of the largest voltage: friction that is told to less is told, even if it is none
 
 
@@ -42,6 +43,7 @@ class Identified:
     physical: Physical
     held: tuple[Motion, ...]  # what was held out
     delay: float  # [s], by which voltages were taken as later
+    described: tuple[str, ...] = ()  # numbers that only motions tell which the log has not: as the description has them
 
     @property
     def effort(self) -> Effort:
@@ -64,7 +66,7 @@ class Identified:
         return next(one for one in self.tried if one.estimate.method == self.estimate.method)
 
     def told(self, estimate: Estimate | None = None) -> list[str]:
-        """How well an estimate, the final one unless given, tells each number: yes, roughly, no; or it is known.
+        """How well an estimate, the final one unless given, tells each number: yes, roughly, no, known or described.
 
         By two standard deviations as a share of the number, and of friction as a share of the voltage.
         """
@@ -74,8 +76,8 @@ class Identified:
         rows = zip(self.names, estimate.interval, np.abs(estimate.unknown), self.effort.is_free, strict=True)
         for name, interval, size, is_free in rows:
             is_slight = name in self.effort.friction_groups and interval <= SLIGHT * most
-            if not is_free:
-                answers.append("known")
+            if not is_free or name in self.described:
+                answers.append("known" if name not in self.described else "described")
             elif interval <= ROUGH * size or is_slight:
                 answers.append("yes")
             else:
@@ -115,8 +117,9 @@ class Identified:
 
     @property
     def feedforward(self) -> tuple[Feedforward, ...] | None:
-        """kS, kV and kA of a differential drive; None of another robot."""
-        return feedforward(self.effort, self.estimate)
+        """kS, kV and kA of a differential drive, of motions that the log has; None of another robot."""
+        gains = feedforward(self.effort, self.estimate)
+        return gains if gains is None else tuple(one for one in gains if all(one.interval[1:]))
 
     @property
     def verdict(self) -> str:
@@ -125,16 +128,18 @@ class Identified:
         leaves = f"leaves {best.misfit:.2f} times the measurement's noise, " if np.isfinite(best.misfit) else ""
         fit = f"{best.score.overall:.1f} %" if np.isfinite(best.score.overall) else "nothing"
         text = f"{best.estimate.method}: {leaves}foretells {fit} of what was held out"
+        doubts = ", ".join(dict.fromkeys(one.name for one in self.checks if not one.is_fine))
+        text += f"; look at the checks ({doubts})" if doubts else ""
         if not self.is_explained:
-            return f"{text}: this robot does not match the log; look at the checks, signs of voltages and lengths"
+            return f"{text}: this robot does not match the log; look at signs of voltages and lengths"
         if self.physical.is_contradiction:
             return f"{text}; a contradiction: no possible robot is like that (chi^2/n {self.physical.chi2:.3g})"
         return text
 
     @property
     def is_explained(self) -> bool:
-        """Whether what was held out is foretold better than by its mean."""
-        return self.chosen.score.overall > 0.0
+        """Whether more than half of what was held out is foretold; by its mean nothing is."""
+        return self.chosen.score.overall > EXPLAINED
 
     @property
     def is_contradiction(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -26,6 +27,7 @@ from wmr_afl.identification.held_out import score, split
 from wmr_afl.identification.identified import Identified, Tried
 from wmr_afl.identification.log import Log
 from wmr_afl.identification.log_file import read_logs
+from wmr_afl.identification.mix_ups import POOR, wrong_columns, wrong_size
 from wmr_afl.identification.motion import Motion, Smoother, with_rest
 from wmr_afl.identification.noise import standard_deviations
 from wmr_afl.identification.output_error import WINDOW, OutputError, SimulatedEstimate, windows_of
@@ -37,6 +39,7 @@ from wmr_afl.model.plausibility import check_robots
 from wmr_afl.numerics.arguments import checked
 
 TRIED = 2.0  # [s], of the windows of what was held out
+HIDDEN = 1e-6  # of the voltages, that a number has which nothing tells
 HELD = 0.5  # [s] in a row, that are held out at least
 TEST = 2.0  # [s]: tests that last no longer have short test functions
 
@@ -97,6 +100,12 @@ def identify(
     velocities = list(model.state_units)[model.coordinate_count :]
     shown = tuple(i for i, name in enumerate(velocities) if name not in missing)
     form = WeakForm(effort, prior, window, shown)
+    described: tuple[str, ...] = ()
+    if missing:  # what only motions tell that there are not stays as it is described
+        hidden = form.estimate(whole).share < HIDDEN
+        described = tuple(name for name, one in zip(effort.units, hidden & prior.is_free, strict=True) if one)
+        prior = replace(prior, is_free=prior.is_free & ~hidden)
+        form = WeakForm(effort, prior, window, shown)
     tried = tuple(_tried(smoother, held, one, prior) for one in _estimates(smoother, train, form))
     best = min(tried, key=lambda one: one.misfit)
     weak = form.estimate(whole)
@@ -107,11 +116,14 @@ def identify(
         final = OutputError(smoother, windows, prior, found.substep).fit(found.unknown)
     share = weak.share * np.abs(final.unknown) / np.maximum(np.abs(weak.unknown), 1e-300)
     checks = [*dead, *findings(smoother, log, whole), _dead_time(smoother, whole, form, delay)]
+    checks += wrong_size(effort, weak, prior)
+    if best.score.overall < POOR:
+        checks += wrong_columns(smoother, log, whole, form)
     if missing:
         text = f"no motion of {', '.join(missing)}: what only that tells is as in the description"
         checks.append(Finding("motion", text, "drive such motions too"))
-    possible = physical(effort, final)
-    return Identified(smoother, log, tuple(checks), tried, final, share, possible, tuple(held), delay)
+    possible = physical(effort, final, described)
+    return Identified(smoother, log, tuple(checks), tried, final, share, possible, tuple(held), delay, described)
 
 
 def _tried(smoother: Smoother, held: list[Motion], estimate: Estimate, prior: Prior) -> Tried:

@@ -24,6 +24,7 @@ from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 
 GAP = 2.5  # sample times without a row: a segment ends there
+LONGEST = 0.5  # [s], from row to row
 JITTER = 0.3  # of a sample time, by which the time from row to row may differ
 SOME = 0.1  # of the rows, that may be further apart
 
@@ -194,6 +195,9 @@ def _cut(rows: _Rows, before: int) -> list[_Rows]:
     if len(rows.t) < 3:
         return []
     steps = np.diff(rows.t)
+    if np.median(steps) > LONGEST:
+        problem = f"rows are {np.median(steps):.3g} s apart"
+        raise WmrError(problem, "give t in seconds (not milliseconds), and log at 50 Hz or more")
     if np.any(steps <= 0.0):
         at = int(np.flatnonzero(steps <= 0.0)[0])
         doing = "stands still" if steps[at] == 0.0 else "goes backwards"

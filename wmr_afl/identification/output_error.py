@@ -212,6 +212,8 @@ class OutputError:
         first = self.first
         for _ in range(2):
             now = self._linearized(unknown, None, first)
+            if not np.all(np.isfinite(now.squares)):
+                return np.inf
             first = first + now.start
         return float(np.sqrt(now.cost(self._weight(now)) / self.samples))
 

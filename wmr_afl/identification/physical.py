@@ -9,13 +9,14 @@ torque gains times one factor, `scaled`) stays near the description.
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from wmr_afl.identification.effort import Effort
-from wmr_afl.identification.estimate import Estimate
+from wmr_afl.identification.estimate import VAGUE, Estimate
 from wmr_afl.numerics.arrays import Floats
 
 SPREAD = 0.5  # of z: the description may be off by two thirds either way
@@ -42,12 +43,13 @@ class Physical:
         return self.chi2 > CONTRADICTION
 
 
-def physical(effort: Effort, estimate: Estimate) -> Physical:
-    """The physical parameters of an estimate."""
+def physical(effort: Effort, estimate: Estimate, described: Collection[str] = ()) -> Physical:
+    """The physical parameters of an estimate, of which some numbers are only as `described`."""
     names, additive, sought = list(effort.model.parameter_units), np.array(effort.is_length), list(effort.sought)
     size = np.maximum(LENGTH * np.abs(effort.p), 0.1 * np.abs(effort.p[additive]).max(initial=0.0))
     wanted = estimate.unknown[: len(effort.base(effort.p))]
-    covariance = estimate.covariance[: len(wanted), : len(wanted)] + np.diag((MODEL * np.abs(wanted)) ** 2 + 1e-300)
+    sure = np.array([VAGUE if name in described else MODEL for name in list(effort.units)[: len(wanted)]])
+    covariance = estimate.covariance[: len(wanted), : len(wanted)] + np.diag((sure * np.abs(wanted)) ** 2 + 1e-300)
     deviations = np.sqrt(np.diag(covariance))
     root = np.linalg.cholesky(covariance / np.outer(deviations, deviations) + 1e-12 * np.eye(len(wanted)))
 

@@ -43,6 +43,29 @@ def test_a_renewed_folder_takes_its_place_at_once(is_there: bool, is_linked: boo
     assert not any(path.name.startswith(".") for path in tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("inside", [".", "within"])
+def test_a_folder_that_one_stands_in_stays_the_same(
+    inside: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a shell would stand in a folder that is gone."""
+    (tmp_path / "within").mkdir()
+    monkeypatch.chdir(tmp_path / inside)
+    before = tmp_path.stat().st_ino
+    with renewed(tmp_path) as beside:
+        (beside / "b.txt").write_text("new")
+    assert tmp_path.stat().st_ino == before
+    assert (tmp_path / "b.txt").read_text() == "new"
+
+
+def test_a_folder_that_is_gone_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In one line, before anything runs."""
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    with pytest.raises(WmrError, match="the folder that you are in is gone; change to one that is there"):
+        check_writable(Path("results"))
+
+
 @pytest.mark.parametrize("why", ["a mount", "no room beside"])
 def test_where_nothing_can_stand_beside_it_is_written_into(
     why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

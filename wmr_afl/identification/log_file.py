@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wmr_afl.errors import InputError, WmrError
+from wmr_afl.errors import ArgumentError, InputError, WmrError
 from wmr_afl.identification.log import Log, channel, log_of
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
@@ -42,7 +42,10 @@ def read_logs(model: Model, files: Iterable[str | Path]) -> Log:
             not a number.
         WmrError: if the files do not measure the same, or time does not go on.
     """
-    paths = [Path(file) for file in files]
+    try:
+        paths = [Path(file) for file in files]
+    except TypeError:
+        raise ArgumentError("logs are no names of files", "give the path of a CSV file, or several") from None
     if not paths:
         raise WmrError("no log is given", "name a CSV file")
     logs = [read_log(model, path) for path in paths]
@@ -125,6 +128,8 @@ def table(file: str) -> tuple[list[str], list[int], list[list[str]]]:
         raise InputError(file, "", f"cannot be read ({error.strerror})", "name a CSV file") from None
     except (UnicodeDecodeError, csv.Error):
         raise InputError(file, "", "is no CSV file", "write text in UTF-8, with commas between cells") from None
+    except ValueError:  # a zero byte in the name
+        raise InputError(repr(file), "", "is no path", "name a CSV file") from None
     if not names:
         raise InputError(file, "", "is empty", "begin with a line that names the columns, as t,u_r,u_l,angle:u_r")
     return names, lines, rows

@@ -16,7 +16,7 @@ from wmr_afl.controllers.live_reference import LiveReference
 from wmr_afl.controllers.reference import Reference
 from wmr_afl.errors import ArgumentError, UnknownNameError, WmrError
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.numerics.arguments import checked
+from wmr_afl.numerics.arguments import checked, to_write
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.onboard.c_source import OWN, TEMPLATES, Source, decimal, in_a_comment
 from wmr_afl.onboard.controller import Controller
@@ -74,7 +74,7 @@ def export(
     if not 1 <= samples <= MOST_SAMPLES:
         raise ArgumentError(f"{samples} samples to replay", f"choose 1 to {MOST_SAMPLES}")
     check_version(fmu)
-    folder = None if out is None else Path(out)
+    folder = None if out is None else to_write("out", out)
     if folder is not None and os.path.lexists(folder):
         raise WmrError(f"{folder} exists", "choose the name of a new folder")
     loaded = load_experiment(experiment)

@@ -48,10 +48,8 @@ def update_period(times: Sequence[Floats], columns: Sequence[Floats]) -> float:
     return longest
 
 
-def new_values(column: Floats, period: float) -> NDArray[np.bool_]:
-    """Where a column that keeps its value for `period` has a new one, (T,); everywhere if it is zero."""
-    if period == 0.0:
-        return np.ones(len(column), dtype=bool)
+def new_values(column: Floats) -> NDArray[np.bool_]:
+    """Where a column that keeps its values has a new one, (T,)."""
     return np.concatenate([[True], np.diff(column) != 0.0])
 
 
@@ -62,7 +60,7 @@ def between(grid: Floats, t: Floats, column: Floats, period: float) -> Floats:
     """
     if period == 0.0:
         return np.asarray(np.interp(grid, t, column))
-    new = new_values(column, period)
+    new = new_values(column)
     at, values = t[new], column[new]
     late = np.flatnonzero(np.diff(at) > _LONG * period)
     at = np.insert(at, late + 1, at[late + 1] - period)

@@ -76,8 +76,10 @@ class Identified:
         rows = zip(self.names, estimate.interval, np.abs(estimate.unknown), self.effort.is_free, strict=True)
         for name, interval, size, is_free in rows:
             is_slight = name in self.effort.friction_groups and interval <= SLIGHT * most
-            if not is_free or name in self.described:
-                answers.append("known" if name not in self.described else "described")
+            if name in self.described:
+                answers.append("described")
+            elif not is_free:
+                answers.append("known")
             elif interval <= ROUGH * size or is_slight:
                 answers.append("yes")
             else:

@@ -216,7 +216,7 @@ def _count_on(channels: Sequence[Channel], units: Sequence[str], pieces: Sequenc
             continue
         for piece in pieces:
             whole = unwrapped(piece.z[:, k])
-            if whole is not piece.z[:, k] and np.any(whole != piece.z[:, k]):
+            if np.any(whole != piece.z[:, k]):
                 piece.z[:, k], turned[one.name] = whole, None
     return tuple(turned)
 
@@ -234,6 +234,6 @@ def _uniform(rows: _Rows, periods: Floats) -> Segment:
     is_new = np.ones(z.shape, dtype=bool)
     for k, period in enumerate(periods):
         if period:
-            at = t[new_values(rows.z[:, k], period)]
+            at = t[new_values(rows.z[:, k])]
             is_new[:, k] = np.isin(np.arange(len(grid)), np.round((at - t[0]) / even))
     return Segment(rows.name, float(t[0]), even, rows.u[held], z, is_new)

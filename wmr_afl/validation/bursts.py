@@ -15,7 +15,7 @@ from wmr_afl.validation.voltages import Waves
 STEP = 1e-6  # [s]
 STEPS = 30  # before the slope is taken, and as many while it is
 SLOW = 2e-3  # [s], time constant of the vertical
-GRIP = {True: 5.0, False: 50.0}  # friction of robots with Swedish wheels, and of others
+GRIP, GRIP_OF_ROLLERS = 50.0, 5.0  # friction; with more rollers rub, too
 LIGHT = 1e-6  # of the robot's mass, for what has none
 SPEED = 0.7  # standard deviation of pseudo-velocities [m/s, rad/s]
 TURN = 1.0  # of coordinates, to both sides [m, rad]
@@ -37,10 +37,10 @@ def bursts(mechanism: Mechanism, other: Mechanism | None = None, count: int = 20
     """The model of `mechanism` against the engine's robot of `other` (the same unless given)."""
     model, p, random = mechanism.model, mechanism.p, np.random.default_rng(seed)
     n, n_v = model.coordinate_count, model.pseudo_velocity_count
-    grip = GRIP[any(wheel.roller_angle is not None for wheel in mechanism.wheels)]
+    grip = GRIP_OF_ROLLERS if mechanism.has_rollers else GRIP
     built = other or mechanism
     contact = Contact(STEP, grip, SLOW, LIGHT)
-    engine = Engine(built, contact, built.loads(np.zeros(n))[0])
+    engine = Engine(built, contact, built.loads(np.zeros(n)))
     volts = HARD * Waves.of(mechanism).largest
     errors, sizes, slipped = [], [], 0
     for _ in range(count):

@@ -5,7 +5,7 @@ Two runs of the engine, one with half the step of the other, therefore extrapola
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -55,24 +55,17 @@ class Driven:
         return np.array([float(np.hypot(*(one - path[-1]))) for one in others]) / max(length, 1e-9)
 
 
-def drive(
-    mechanism: Mechanism,
-    start: Floats,
-    seconds: float = 10.0,
-    other: Mechanism | None = None,
-    progress: Callable[[Iterable[int]], Iterable[int]] = iter,
-) -> Driven:
-    """From rest at `start` q (n,); the engine's robot is that of `other`, the same unless given."""
+def drive(mechanism: Mechanism, start: Floats, seconds: float = 10.0) -> Driven:
+    """From rest at `start` q (n,)."""
     count = round(seconds / HELD)
     voltages = Waves.of(mechanism).at(HELD * np.arange(count))
     told = _by_model(mechanism.model, mechanism.p, start, voltages)
     runs, friction = [], np.zeros(len(mechanism.wheels))
     for step in (STEP, 0.5 * STEP):
-        built = other or mechanism
-        engine = Engine(built, Contact(step), built.loads(start)[0])
+        engine = Engine(mechanism, Contact(step), mechanism.loads(start))
         engine.start(start, np.zeros_like(start))
         states = [engine.state]
-        for k in progress(range(count)):
+        for k in range(count):
             engine.drive(voltages[k], round(HELD / step))
             states.append(engine.state)
             if HELD * k > SETTLED and k % EVERY == 0:

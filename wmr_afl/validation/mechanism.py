@@ -142,6 +142,11 @@ class Mechanism:
         """Of the whole robot [kg]."""
         return sum(part.mass for part in (*self.bodies, *self.wheels))
 
+    @property
+    def has_rollers(self) -> bool:
+        """Whether any wheel is a Swedish one."""
+        return any(wheel.roller_angle is not None for wheel in self.wheels)
+
     @cached_property
     def joints(self) -> tuple[str, ...]:
         """Frames that turn on their parents."""
@@ -170,9 +175,14 @@ class Mechanism:
                 continue
             both = ca.Function("both", [q], [every[3 + i], every[3 + first[one]]])
             unit = np.eye(q.numel())[one]
-            at, here = (np.array([float(value) for value in both.call([angle * unit])]) for angle in (0.0, 1.0))
-            slope = (here[0] - at[0]) / (here[1] - at[1])
-            found[names[i]] = (names[first[one]], float(at[0] - slope * at[1]), float(slope))
+            own, others = np.array(
+                [[float(value) for value in both.call([angle * unit])] for angle in (0.0, 0.5, 1.0)]
+            ).T
+            line = np.polyfit(others[[0, 2]], own[[0, 2]], 1)
+            if not np.isclose(np.polyval(line, others[1]), own[1], rtol=0.0, atol=1e-9):
+                problem = f"joints {names[first[one]]} and {names[i]} follow one coordinate, not in proportion"
+                raise WmrError(problem, "let their angles be linear in it")
+            found[names[i]] = (names[first[one]], float(line[1]), float(line[0]))
         return found
 
     @cached_property
@@ -202,36 +212,27 @@ class Mechanism:
         """Of a frame that does not turn on its parent [rad]."""
         return self._number(self._parts["frames"][frame].get("angle", "0"))
 
-    def poses(self, q: ArrayLike) -> dict[str, tuple[Floats, float]]:
-        """Where frames are at q (n,): place (2,) [m] and heading [rad]."""
-        names = self._values | dict(zip(self._coordinates, np.asarray(q, dtype=float).tolist(), strict=True))
-        found = {}
-        for name, frame in self._parts["frames"].items():
-            x, y, heading = (float(numpy_value(frame[key], names)) for key in ("x", "y", "heading"))
-            found[name] = (np.array([x, y]), heading)
-        return found
+    def loads(self, q: ArrayLike) -> Floats:
+        """The weight on each wheel at q (n,), (wheels,) [N].
 
-    def loads(self, q: ArrayLike) -> tuple[Floats, bool]:
-        """The weight on each wheel at q (wheels,) [N], and whether the robot stands on its wheels.
-
-        Least squares among the loads that balance the weight; equal shares where no loads balance it.
+        Least squares among the loads that balance the weight; equal shares where none do: the robot would tip.
         """
-        poses = self.poses(q)
+        names = self._values | dict(zip(self._coordinates, np.asarray(q, dtype=float).tolist(), strict=True))
 
-        def seen(part: Body) -> Floats:
-            place, heading = poses[part.frame]
-            return place + rotation(heading) @ part.at
+        def seen(kind: str) -> Floats:
+            parts = self._parts[kind].values()
+            return np.array([[float(numpy_value(part[key], names)) for key in ("x", "y")] for part in parts])
 
-        parts = [part for part in (*self.bodies, *self.wheels) if part.mass > 0.0]
-        centre = sum(part.mass * seen(part) for part in parts) / self.mass
-        weight, count = self.mass * GRAVITY, len(self.wheels)
-        balance = np.vstack([np.ones(count), np.column_stack([seen(wheel) - centre for wheel in self.wheels])])
+        wheels, masses = seen("wheels"), np.array([part.mass for part in (*self.wheels, *self.bodies)])
+        centre = masses @ np.vstack([wheels, seen("bodies").reshape(-1, 2)]) / self.mass
+        weight, count = self.mass * GRAVITY, len(wheels)
+        balance = np.vstack([np.ones(count), (wheels - centre).T])
         wanted = np.array([weight, 0.0, 0.0])
-        loads = np.linalg.pinv(balance) @ wanted
+        loads = np.asarray(np.linalg.pinv(balance) @ wanted)
         stands = np.allclose(balance @ loads, wanted, atol=1e-6 * weight)
         if stands and loads.min() > LEAST_LOAD * weight / count:
-            return loads, True
-        return np.full(count, weight / count), False
+            return loads
+        return np.full(count, weight / count)
 
     def _point(self, at: Any) -> Floats:
         return np.array([self._number(one) for one in at])
@@ -241,9 +242,3 @@ class Mechanism:
 
     def _names(self, q: ca.SX) -> dict[str, Any]:
         return self._values | {name: q[i] for i, name in enumerate(self._coordinates)}
-
-
-def rotation(angle: float) -> Floats:
-    """In the plane, (2, 2)."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])

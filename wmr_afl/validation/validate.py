@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,8 +26,6 @@ CONVENTIONAL, SWEDISH = 4e-5, 1e-3  # root mean square of accelerations' errors:
 RUN = 1e-3  # of a drive, extrapolated
 SLIPS = 0.95  # of the friction that there is: with more the engine's wheels slip
 SPREAD = 0.35  # of the logarithm of drawn parameters
-
-Progress = Callable[[Iterable[int]], Iterable[int]]
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,7 +82,7 @@ class Validation:
     def xml(self) -> str:
         """The engine's robot, for any viewer of MuJoCo."""
         start = self.driven.model[0, : self.model.coordinate_count]
-        return xml_of(self.mechanism, self.mechanism.loads(start)[0], Contact())
+        return xml_of(self.mechanism, self.mechanism.loads(start), Contact())
 
     @property
     def numbers(self) -> dict[str, Any]:
@@ -131,7 +129,6 @@ def validate(
     count: int = 200,
     seconds: float = 10.0,
     seed: int = 1,
-    progress: Callable[..., Any] = iter,
 ) -> Validation:
     """Hold a model against MuJoCo, which is told frames, masses, wheels and motors, and nothing of constraints.
 
@@ -160,14 +157,14 @@ def validate(
     if found.slipped == count:
         raise WmrError("every random state needs more friction than there is", "choose heavier wheels or other motors")
     q = np.array([float((start or {}).get(name, 0.0)) for name in names])
-    driven = drive(mechanism, q, seconds, progress=progress)
+    driven = drive(mechanism, q, seconds)
     least = Contact().friction * SLIPS
     if driven.friction.max() > least:
         worst = mechanism.wheels[int(driven.friction.argmax())].name
         problem = f"the drive needs {driven.friction.max():.2g} of the load in friction at wheel {worst}: it slips"
         raise WmrError(problem, "agreement would mean nothing; start elsewhere, or look at the masses at this wheel")
-    rolls = all(wheel.roller_angle is None for wheel in mechanism.wheels)
-    return Validation(mechanism, found, driven, CONVENTIONAL if rolls and is_shipped(model.folder) else SWEDISH)
+    is_exact = is_shipped(model.folder) and not mechanism.has_rollers
+    return Validation(mechanism, found, driven, CONVENTIONAL if is_exact else SWEDISH)
 
 
 def drawn(model: Model, count: int, seed: int = 1) -> list[dict[str, float]]:

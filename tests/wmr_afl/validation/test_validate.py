@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from tests.conftest import DESCRIPTIONS
 from tests.derive.descriptions import derived, motor, robot, steered, wheel
 from wmr_afl import WmrError, load_model, validate
+from wmr_afl.analysis.geometry import Geometry
 from wmr_afl.cli import app
 from wmr_afl.validation.bursts import bursts
 from wmr_afl.validation.drive import drive
@@ -117,14 +118,14 @@ def test_the_engine_has_the_masses_of_the_description(name: str) -> None:
     """Mass, first moment and inertia of every frame with all that hangs on it, whichever wheel they were put on."""
     mechanism = mechanism_of(name)
     n = mechanism.model.coordinate_count
-    engine = Engine(mechanism, Contact(), mechanism.loads(np.zeros(n))[0])
+    engine = Engine(mechanism, Contact(), mechanism.loads(np.zeros(n)))
     q = np.random.default_rng(1).uniform(-0.7, 0.7, n)
     engine.start(q, np.zeros(n))
     matrix = np.zeros((engine.model.nv, engine.model.nv))
     mujoco.mj_fullM(engine.model, engine.data, matrix) if mujoco.__version__ >= "4" else mujoco.mj_fullM(
         engine.model, matrix, engine.data.qM
     )
-    poses = mechanism.poses(q)
+    poses = {name: (one[0, :2], one[0, 2]) for name, one in Geometry(mechanism.model, mechanism.p).frames([q]).items()}
     mass, moment, inertia = 0.0, np.zeros(2), 0.0
     root = poses[mechanism.frames[0].name][0]
     for part in (*mechanism.bodies, *mechanism.wheels):
@@ -170,6 +171,11 @@ def test_what_an_engine_cannot_have_is_refused(tmp_path: Path) -> None:
     (tmp_path / "one").mkdir()
     with pytest.raises(WmrError, match="has constraints that no wheel makes"):
         validate(derived(text, tmp_path / "one"))
+    bent = steered("back", ("-a", "0"), "sin(beta)")
+    (tmp_path / "three").mkdir()
+    text = robot(FORK, bent, wheel("front", "fork"), wheel("rear", "back"), motor("front"), angles=("beta",))
+    with pytest.raises(WmrError, match="joints fork and back follow one coordinate, not in proportion"):
+        validate(derived(text, tmp_path / "three"))
     both = steered("fork", ("a", "0"), "beta + gamma")
     wheels = wheel("front", "fork"), wheel("rear", "back"), steered("back", ("-a", "0"), "beta")
     text = robot(both, wheels[2], *wheels[:2], motor("front"), angles=("beta", "gamma"))

@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from wmr_afl.cli.terminal import app, console, numbers_by_name, reporting, say
+from wmr_afl.cli.terminal import app, console, numbers_by_name, progress_bar, reporting, say
 
 
 @app.command()
@@ -24,7 +24,7 @@ def excite(
     set_: Annotated[
         list[str] | None, typer.Option("--set", help="NAME=VALUE: a better guess of a parameter; may be repeated.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the files; results/excite_ROBOT unless named.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for the files; results/excited-ROBOT unless named.")] = None,
 ) -> None:
     """Propose voltages that determine a robot's parameters within the voltage and the space there is.
 
@@ -41,9 +41,14 @@ def excite(
     with reporting():
         model = load_model(robot)
         limits, parameters = numbers_by_name("--limit", limit), numbers_by_name("--set", set_)
-        folder = out or Path("results", f"excite_{model.name}")
+        folder = out or Path("results", f"excited-{model.name}")
         check_writable(folder)
-        found = excited(model, volts, room, limits, seconds, parameters)
+        with progress_bar() as progress:
+            task = progress.add_task(f"designing voltages for {escape(model.name)}", total=None)
+            found = excited(
+                model, volts, room, limits, seconds, parameters,
+                progress=lambda done, total: progress.update(task, completed=done, total=total),
+            )  # fmt: skip
         with renewed(folder) as beside:
             write_whole(beside / "voltages.csv", found.played.text(model))
             plots.save(draw_excitation(found), beside / "excitation")

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -18,6 +20,8 @@ from wmr_afl.plant.integrators import rk4
 SUBSTEP = 1.0  # of the time constant of what is fastest in the robot: the longest step of integration
 MOST_STEPS = 40  # of integration in a sample
 SMALLEST = 1e-3  # [rad] of a limit
+WORD = re.compile(r"[A-Za-z_]\w*")
+REGULAR = 0.8  # of the way from the start to where the kinematics are singular, that angles may go unless limited
 SPREAD = 0.3  # by which uncertain parameters are off, relative to the guess
 
 
@@ -55,6 +59,8 @@ class Space:
 def space_of(model: Model, parameters: Floats, room: float, limits: Mapping[str, float]) -> Space:
     """Within `room` [m] of the start in x and y, `limits` [rad] of coordinates, and those of the description.
 
+    Angles also keep away from where the kinematics are singular: there a robot that is off is lost.
+
     Raises:
         UnknownNameError: if no coordinate has the name of a limit.
         WmrError: if a limit is not positive, or contradicts the description.
@@ -84,13 +90,36 @@ def space_of(model: Model, parameters: Floats, room: float, limits: Mapping[str,
         if not bounds[name][0] < bounds[name][1]:
             problem = f"the limit of {name} excludes every angle of {joint!r}"
             raise WmrError(problem, f"it turns from {first:g} to {last:g} rad")
-    lower, upper = (np.array(side, dtype=float) for side in zip(*bounds.values(), strict=True))
     start = np.zeros(len(model.state_units))
     for name, (least, most) in bounds.items():
         if name in coordinates and not least < 0.0 < most:
             start[coordinates.index(name)] = 0.5 * (least + most)
+    for name, reach in _regular(model, parameters, coordinates, start):
+        if name in position:
+            continue
+        at, (least, most) = start[coordinates.index(name)], bounds.get(name, (-np.inf, np.inf))
+        bounds[name] = max(least, at - reach), min(most, at + reach)
+        quantities.setdefault(name, x[coordinates.index(name)])
+    lower, upper = (np.array(side, dtype=float) for side in zip(*bounds.values(), strict=True))
     function = ca.Function("bounded", [x], [ca.densify(ca.vertcat(*quantities.values()))])
     return Space(tuple(bounds), lower, upper, function, start)
+
+
+def _regular(model: Model, p: Floats, coordinates: Sequence[str], start: Floats) -> Iterator[tuple[str, float]]:
+    """How far the coordinates of each singularity of S(q) may go from the start, in whatever directions [rad]."""
+    known = dict(zip(model.parameter_units, p, strict=True)) | dict(zip(coordinates, start, strict=False))
+    way = np.linspace(0.0, np.pi, 721)
+    for text in model.findings["kinematic_singularities"]:
+        factor = str(text).removesuffix("= 0")
+        there = [name for name in coordinates if name in set(WORD.findall(factor))]
+        reach = np.inf
+        for signs in product((-1.0, 1.0), repeat=len(there)):
+            moved_on = {name: known[name] + sign * way for name, sign in zip(there, signs, strict=True)}
+            value = np.broadcast_to(numpy_value(factor, known | moved_on), way.shape)
+            beyond = np.flatnonzero(value * value[0] <= 0.0)
+            reach = min(reach, way[beyond[0]] if len(beyond) else np.inf)
+        if 0.0 < reach < np.inf:
+            yield from ((name, REGULAR * reach) for name in there)
 
 
 def _stops(model: Model, made: Model, x: ca.SX, p: Floats) -> list[tuple[str, float, float, ca.SX]]:

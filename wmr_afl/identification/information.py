@@ -70,7 +70,9 @@ def unknowns(model: Model, parameters: Floats, volts: float) -> Unknowns:
 
 
 def log_determinant(information: Floats) -> float:
-    """Minus infinity if something is not determined at all."""
+    """Minus infinity if something is not determined at all, or the robot was lost."""
+    if not np.all(np.isfinite(information)):
+        return -np.inf
     sign, value = np.linalg.slogdet(information)
     return float(value) if sign > 0.0 else -np.inf
 

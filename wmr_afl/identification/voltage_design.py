@@ -10,7 +10,7 @@ have to be far smaller to keep all robots within limits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -52,6 +52,7 @@ SETTLED = 1.1  # of a limit: where no robot goes farther, a round is brought to 
 ADDED = 2  # robots that get constraints, for each limit that was broken
 USED = 0.99  # of each limit: there is more between the samples that are looked at
 MOST_LESSENED = 60  # times, by up to a half
+FINE = 1.03  # between what keeps within limits and what does not
 EVERY = 2  # samples of which one is looked at
 LEAST = 1e-9  # [V^2] that is added to the information, so that it has a logarithm
 ITERATIONS = 200  # of IPOPT in a round whose robots are settled
@@ -68,8 +69,12 @@ IPOPT: dict[str, Any] = {
     "ipopt.acceptable_iter": 5,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
+    "ipopt.max_resto_iter": 20,  # of a search for what is feasible at all: rounds do that
     "print_time": False,
+    "show_eval_warnings": False,  # of robots that are lost on the way: IPOPT shortens its steps there
 }
+
+Progress = Callable[[int, int], None]  # rounds done, of how many
 
 UNFINISHED = "not converged"
 SAID = {
@@ -180,12 +185,16 @@ def excite(
     parameters: Mapping[str, float] | None = None,
     frequencies: Sequence[float] | None = None,
     seed: int = 0,
+    progress: Progress = lambda done, total: None,
 ) -> Excitation:
     """Propose voltages that determine a robot's parameters within the voltage and the space there is.
 
     The robot starts at rest and has `room` [m] to each side in x and y. `limits`: largest angles [rad] by coordinate,
     besides those of the description. `parameters`: guesses that differ from the description. `frequencies` [Hz]: six
-    between two periods and 1.6 Hz unless given. The same arguments give the same voltages.
+    between two periods and 1.6 Hz unless given. `progress(done, total)` hears of each round of design and trial; fewer
+    than `total` may do. The same arguments give the same voltages.
+
+    Where no design tells more than the random multisine that it starts from, that one is handed out; `status` says so.
 
     Raises:
         UnknownNameError: if there is no such robot, parameter or coordinate.
@@ -207,7 +216,9 @@ def excite(
     check_robots(model, {}, p)
     task = _Task(model, p, volts, space_of(model, p, room, limits or {}), seconds, _checked(frequencies, seconds), seed)
     start = task.within(task.random())
-    told = _told(task, start, *_designed(task, start))
+    if task.space.fractions(task.tried(start)).max() > 1.0:
+        raise WmrError(f"no voltages were found that keep {model.name} within its limits", MORE)
+    told = _told(task, start, *_designed(task, start, progress))
     if 2 * len(told.undetermined) > len(told.deviations):
         problem = f"within {room:g} m, {volts:g} V and the limits of angles nothing determines {model.name}"
         raise WmrError(f"{problem} ({len(told.undetermined)} of {len(told.deviations)} numbers are not)", MORE)
@@ -229,16 +240,14 @@ def _checked(frequencies: Sequence[float] | None, seconds: float) -> Floats:
     return given
 
 
-def _designed(task: _Task, start: Floats) -> tuple[Floats, str, int]:
-    """The weights that tell most among those of all rounds, what IPOPT says of them, and the number of rounds.
-
-    Raises:
-        WmrError: if there are none.
-    """
+def _designed(task: _Task, start: Floats, progress: Progress) -> tuple[Floats, str, int]:
+    """The weights that tell most among the start and those of all rounds, what is said of them, and how many rounds."""
     used = np.full(len(task.space.names), USED)
     chosen = set(task.space.fractions(task.tried(start)).argmax(axis=0).tolist())
-    found, weights, rounds, is_settled = [], start, 0, False
+    found = [(log_determinant(task.information(start)), start, "nothing better than the random multisine was found")]
+    weights, rounds, is_settled = start, 0, False
     while rounds < ROUNDS:
+        progress(rounds, ROUNDS)
         rounds += 1
         iterations = ITERATIONS if is_settled or rounds == ROUNDS else BRIEF
         weights, status = _Program(task, sorted(chosen), iterations).solved(weights, used)
@@ -260,8 +269,6 @@ def _designed(task: _Task, start: Floats) -> tuple[Floats, str, int]:
                 used[k] *= USED / min(fractions[worst[-1], k], 2.0)
             chosen.update(worst)
         weights = kept
-    if not found:
-        raise WmrError(f"no voltages were found that keep {task.model.name} within its limits and end at rest", MORE)
     _, weights, status = max(found, key=lambda one: one[0])
     return weights, status, rounds
 
@@ -354,13 +361,20 @@ class _Task:
         return (weights * self.volts / np.abs(self.basis.T @ weights).max()).ravel()
 
     def within(self, weights: Floats) -> Floats:
-        """The weights, lessened until all robots stay within limits."""
+        """The weights, lessened until all robots stay within limits, and no more than that."""
+        share, beyond = 1.0, 1.0
         for _ in range(MOST_LESSENED):
-            largest = self.space.fractions(self.tried(weights)).max()
+            largest = self.space.fractions(self.tried(share * weights)).max()
             if largest <= 1.0:
                 break
-            weights = weights * np.clip(USED / largest, 0.5, USED)
-        return weights
+            share, beyond = share * float(np.clip(USED / largest, 0.5, USED)), share
+        while beyond / share > FINE:
+            middle = float(np.sqrt(share * beyond))
+            if self.space.fractions(self.tried(middle * weights)).max() <= 1.0:
+                share = middle
+            else:
+                beyond = middle
+        return share * weights
 
     def is_at_rest(self, weights: Floats) -> bool:
         """Whether the guessed robot is, at the end."""

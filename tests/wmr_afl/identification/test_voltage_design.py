@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from dataclasses import replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,13 @@ CASES: dict[str, Case] = {
     "tractor_trailer": (12.0, 6.0, {"beta": 1.0}),
 }
 STEERED = ["type_1_1"]
+
+
+def singular(name: str) -> list[str]:
+    """Where the kinematics of a shipped robot are."""
+    return list(wmr_afl.load_model(name).findings["kinematic_singularities"])
+
+
 ROBOTS = 20  # that are tried here, to save time
 FEW: dict[str, Any] = {"seconds": 4.0, "frequencies": [0.5, 1.25]}
 
@@ -190,6 +198,54 @@ def test_it_tells_more_than_random_voltages(name: str) -> None:
         assert best > log_determinant(numbers.information(states[:-1], voltages))
 
 
+def test_nothing_is_handed_out_that_tells_less_than_random_voltages(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where each round leads astray, the start stands, and the status says so."""
+    monkeypatch.setattr(voltage_design._Program, "solved", lambda self, weights, used: (0.1 * weights, "astray"))
+    found = excite("type_2_0", *CASES["type_2_0"], **FEW)
+    before, after = found.log_determinants
+    assert before == after
+    assert found.status == "nothing better than the random multisine was found"
+    assert found.is_within_limits
+
+
+def test_a_start_within_limits_is_no_smaller_than_it_has_to_be() -> None:
+    """A few percent more and a robot breaks a limit."""
+    model = wmr_afl.load_model("car")
+    p = model.parameters()
+    space, frequencies = space_of(model, p, 8.0, {}), np.array(FEW["frequencies"])
+    task = voltage_design._Task(model, p, 24.0, space, 4.0, frequencies, 0)
+    kept = task.within(task.random())
+    assert space.fractions(task.tried(kept)).max() <= 1.0 < space.fractions(task.tried(1.05 * kept)).max()
+
+
+@pytest.mark.parametrize("shipped", [one for one in wmr_afl.list_models() if singular(one)])
+def test_angles_keep_away_from_where_the_kinematics_are_singular(shipped: str) -> None:
+    """S(q) is of the size that it has at the start in all corners of the space, and far larger a quarter farther on."""
+    model = wmr_afl.load_model(shipped)
+    p, n = model.parameters(), model.coordinate_count
+    space = space_of(model, p, 2.0, {})
+    angles = [list(model.state_units).index(name) for name in space.names[2:]]
+    assert angles
+
+    def size(reach: float) -> Floats:
+        q = np.zeros((2 ** len(angles), n))
+        q[:, angles] = reach * np.array(list(product(*zip(space.lower[2:], space.upper[2:], strict=True))))
+        return np.linalg.norm(model.kinematic_matrix(q, np.broadcast_to(p, (len(q), len(p)))), axis=(1, 2))
+
+    assert size(1.0).max() < 10.0 * size(0.0).max()
+    assert size(1.2499).max() > 30.0 * size(0.0).max()
+
+
+def test_robots_that_are_lost_on_the_way_say_nothing(capfd: pytest.CaptureFixture[str]) -> None:
+    """The car with much room and voltage turns its wheel across where it has no motion, while IPOPT looks about."""
+    heard: list[tuple[int, int]] = []
+    found = excite("car", 24.0, 8.0, **FEW, progress=lambda done, total: heard.append((done, total)))
+    assert found.is_within_limits
+    assert found.limits["beta"][1] == pytest.approx(0.8 * np.pi / 2, abs=0.01)
+    assert capfd.readouterr() == ("", "")
+    assert [done for done, _ in heard] == list(range(found.rounds))
+
+
 def test_numbers_of_the_information() -> None:
     """Against an inverse, and of what is not determined at all."""
     information = np.array([[4.0, 1.0], [1.0, 2.0]])
@@ -324,7 +380,9 @@ def test_frequencies_that_cannot_be_driven_are_refused(frequencies: list[float])
 def test_the_verb_writes_what_is_driven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All numbers to the bit; the loop's gain stands in what is printed; what else lies in the folder stays."""
     found, asked = designed("type_1_1"), []
-    monkeypatch.setattr(voltage_design, "excite", lambda model, *given: asked.append((model.name, *given)) or found)
+    monkeypatch.setattr(
+        voltage_design, "excite", lambda model, *given, progress: asked.append((model.name, *given)) or found
+    )
     monkeypatch.setattr(terminal.console, "_width", 400)
     (tmp_path / "notes.txt").write_text("mine")
     arguments = ["type_1_1", "--volts", "12", "--room", "3", "--limit", "beta=1", "--seconds", "5", "--set", "m=70"]
@@ -356,7 +414,7 @@ def test_a_broken_limit_ends_with_one(tmp_path: Path, monkeypatch: pytest.Monkey
     found = designed("type_2_0")
     lost = replace(found, tried=2.0 * found.tried / np.abs(found.tried).max())
     lost = replace(lost, limits=dict.fromkeys(found.limits, (-1.0, 1.0)))
-    monkeypatch.setattr(voltage_design, "excite", lambda *given: lost)
+    monkeypatch.setattr(voltage_design, "excite", lambda *given, progress: lost)
     done = CliRunner().invoke(app, ["excite", "type_2_0", "--volts", "9", "--room", "1", "--out", str(tmp_path)])
     assert done.exit_code == 1
     assert "NOT within limits" in done.stdout

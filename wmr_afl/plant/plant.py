@@ -170,5 +170,9 @@ class Plant(Fixed):
         for key, part, state, own in self.uncertainties.with_states(z, k):
             following |= prefixed(key, part.update(u, state, own, model.arrays))
             u = part.applied(u, state, own, model.arrays)
-        held = self.holding(t, z.x, u, k, model, step)
-        return {"x": self.integrator(lambda time, x: self.rate(time, x, u, k, model, held), t, z.x, step), **following}
+        return {"x": self.moved(t, z.x, u, k, model, step), **following}
+
+    def moved(self, t: Array, x: Array, u: Array, k: SimpleNamespace, model: Model, step: Array) -> Array:
+        """x one sample later, for voltages u that reach the motors, (2n-m,)."""
+        held = self.holding(t, x, u, k, model, step)
+        return self.integrator(lambda time, x: self.rate(time, x, u, k, model, held), t, x, step)

@@ -17,7 +17,7 @@ from wmr_afl.simulation.ensemble import Ensemble
 from wmr_afl.simulation.failures import cause
 from wmr_afl.simulation.layout import Layout
 from wmr_afl.simulation.result import Failure, Run
-from wmr_afl.simulation.steppers import stepper
+from wmr_afl.simulation.steppers import Stepper, stepper
 from wmr_afl.simulation.warning_signs import warning_signs
 
 # The cause of a failure by the first signal that shows it, in the order from cause to effect.
@@ -39,7 +39,7 @@ def simulate(
     loop: ClosedLoop,
     duration: float,
     name: str = "",
-    backend: str = "auto",
+    backend: str | Stepper = "auto",
     progress: Progress = lambda done: None,
     robot: Ensemble | None = None,
 ) -> Run:

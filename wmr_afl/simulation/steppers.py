@@ -33,12 +33,14 @@ class Chunk:
 Stepper = Callable[[ClosedLoop, Ensemble, Floats, Floats | None], Iterator[Chunk]]
 
 
-def stepper(backend: str) -> Stepper:
-    """The function that runs the steps of a loop on this backend.
+def stepper(backend: str | Stepper) -> Stepper:
+    """The function that runs the steps of a loop on this backend, or a stepper of one's own as it is.
 
     Raises:
         UnknownNameError: if there is no such backend.
     """
+    if callable(backend):
+        return backend
     if backend not in _STEPPERS:
         raise UnknownNameError("backend", backend, _STEPPERS)
     return _STEPPERS[backend]

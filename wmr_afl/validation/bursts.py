@@ -7,20 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from wmr_afl.numerics.arrays import Floats
-from wmr_afl.validation.engine import Engine
+from wmr_afl.validation.engine import SLIPS, Engine
 from wmr_afl.validation.mechanism import Mechanism
-from wmr_afl.validation.mjcf import Contact
+from wmr_afl.validation.mjcf import Contact, ample_friction
 from wmr_afl.validation.voltages import Waves
 
 STEP = 1e-6  # [s]
 STEPS = 30  # before the slope is taken, and as many while it is
 SLOW = 2e-3  # [s], time constant of the vertical
-GRIP, GRIP_OF_ROLLERS = 50.0, 5.0  # friction; with more rollers rub, too
 LIGHT = 1e-6  # of the robot's mass, for what has none
 SPEED = 0.7  # standard deviation of pseudo-velocities [m/s, rad/s]
 TURN = 1.0  # of coordinates, to both sides [m, rad]
 HARD = 1.5  # times the voltages of a run
-SLIPS = 0.95  # of the friction that there is
 
 
 @dataclass(frozen=True)
@@ -37,8 +35,7 @@ def bursts(mechanism: Mechanism, other: Mechanism | None = None, count: int = 20
     """The model of `mechanism` against the engine's robot of `other` (the same unless given)."""
     model, p, random = mechanism.model, mechanism.p, np.random.default_rng(seed)
     n, n_v = model.coordinate_count, model.pseudo_velocity_count
-    grip = GRIP_OF_ROLLERS if mechanism.has_rollers else GRIP
-    built = other or mechanism
+    grip, built = ample_friction(mechanism), other or mechanism
     contact = Contact(STEP, grip, SLOW, LIGHT)
     engine = Engine(built, contact, built.loads(np.zeros(n)))
     volts = HARD * Waves.of(mechanism).largest
@@ -51,7 +48,7 @@ def bursts(mechanism: Mechanism, other: Mechanism | None = None, count: int = 20
         for _ in range(2):
             engine.drive(u, STEPS)
             seen.append(engine.state)
-        if np.any(engine.friction > SLIPS * grip):
+        if np.any(engine.grip.friction > SLIPS * grip):
             slipped += 1
             continue
         slope = (seen[1] - seen[0])[n:] / (STEPS * STEP)

@@ -14,7 +14,7 @@ import numpy as np
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.integrators import rk4
-from wmr_afl.validation.engine import Engine
+from wmr_afl.validation.engine import Engine, Grip, Watch
 from wmr_afl.validation.mechanism import Mechanism
 from wmr_afl.validation.mjcf import Contact
 from wmr_afl.validation.voltages import Waves
@@ -34,7 +34,7 @@ class Driven:
     model: Floats  # (T, 2n-m), states of the generated model
     coarse: Floats  # (T, 2n-m), of the engine
     fine: Floats  # (T, 2n-m), of the engine with half the step
-    friction: Floats  # (wheels,), the largest share of its load that each wheel needed
+    grip: Grip  # once it is under way
 
     @property
     def extrapolated(self) -> Floats:
@@ -55,24 +55,38 @@ class Driven:
         return np.array([float(np.hypot(*(one - path[-1]))) for one in others]) / max(length, 1e-9)
 
 
-def drive(mechanism: Mechanism, start: Floats, seconds: float = 10.0) -> Driven:
-    """From rest at `start` q (n,)."""
+def drive(
+    mechanism: Mechanism,
+    start: Floats,
+    seconds: float = 10.0,
+    height: float | None = None,
+    watch: Watch | None = None,
+) -> Driven:
+    """From rest at `start` q (n,); in space if `height` [m] of the masses is given.
+
+    Raises:
+        WmrError: if wheels slip or leave the floor, or the engine cannot have the robot.
+    """
     count = round(seconds / HELD)
     voltages = Waves.of(mechanism).at(HELD * np.arange(count))
     told = _by_model(mechanism.model, mechanism.p, start, voltages)
-    runs, friction = [], np.zeros(len(mechanism.wheels))
+    runs, grip = [], Grip.none(len(mechanism.wheels))
     for step in (STEP, 0.5 * STEP):
-        engine = Engine(mechanism, Contact(step), mechanism.loads(start))
+        contact = Contact(step)
+        engine = Engine(mechanism, contact, mechanism.loads(start), height)
         engine.start(start, np.zeros_like(start))
         states = [engine.state]
         for k in range(count):
             engine.drive(voltages[k], round(HELD / step))
             states.append(engine.state)
             if HELD * k > SETTLED and k % EVERY == 0:
-                friction = np.maximum(friction, engine.friction)
+                grip = grip.beside(engine.grip)
+                grip.check(mechanism, contact.friction, "the drive")
+            if watch is not None and step == STEP:
+                watch(engine, HELD * (k + 1))
         runs.append(np.array(states))
     coarse, fine = runs
-    return Driven(np.array(HELD * np.arange(count + 1), dtype=float), told, coarse, fine, friction)
+    return Driven(np.array(HELD * np.arange(count + 1), dtype=float), told, coarse, fine, grip)
 
 
 def _by_model(model: Model, p: Floats, start: Floats, voltages: Floats) -> Floats:

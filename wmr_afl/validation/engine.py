@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import sys
+from collections.abc import Callable
+from ctypes.util import find_library
+from dataclasses import dataclass
 from types import ModuleType
 
 import numpy as np
@@ -12,6 +17,7 @@ from wmr_afl.validation.mechanism import Mechanism
 from wmr_afl.validation.mjcf import Contact, xml_of
 
 SINKING = 400, 50  # steps, in which wheels sink onto the floor: with and without what they moved before
+SLIPS = 0.95  # of the friction that there is
 EXACT = 1e-13  # [m, rad], to which q is found from the joints
 
 
@@ -21,23 +27,68 @@ def mujoco() -> ModuleType:
     Raises:
         WmrError: if it is not installed.
     """
+    if "mujoco" not in sys.modules and not os.environ.get("DISPLAY") and find_library("EGL"):
+        os.environ.setdefault("MUJOCO_GL", "egl")  # it decides on import how pictures are drawn
     try:
         import mujoco as engine  # type: ignore[import-untyped]
     except ImportError:
         raise WmrError("MuJoCo is not installed", "pip install 'wmr-afl[mujoco]'") from None
+    if engine.get_mju_user_warning() is None:  # else it writes a file where one stands; warnings are counted
+        engine.set_mju_user_warning(lambda text: None)
     return engine
 
 
+@dataclass(frozen=True)
+class Grip:
+    """What wheels had of the floor, (wheels,) each."""
+
+    friction: Floats  # the most that was needed, as a share of the load at that time
+    least: Floats  # load [N]
+    most: Floats  # load [N]
+    lifted: Floats  # [s], when a wheel first had none, infinite if never
+
+    @classmethod
+    def none(cls, count: int) -> Grip:
+        """Of no time at all."""
+        never = np.full(count, np.inf)
+        return cls(np.zeros(count), never, np.zeros(count), never)
+
+    def beside(self, other: Grip) -> Grip:
+        """Of both times."""
+        least, most = np.minimum(self.least, other.least), np.maximum(self.most, other.most)
+        lifted = np.minimum(self.lifted, other.lifted)
+        return Grip(np.maximum(self.friction, other.friction), least, most, lifted)
+
+    def check(self, mechanism: Mechanism, there_is: float, what: str) -> None:
+        """Fails if wheels had no load, or needed more friction than `there_is`: then agreement would mean nothing.
+
+        Raises:
+            WmrError: with the wheel, and the time or the friction.
+        """
+        if np.any(np.isfinite(self.lifted)):
+            first = int(self.lifted.argmin())
+            problem = f"{what} lifts wheel {mechanism.wheels[first].name} off the floor at {self.lifted[first]:.3g} s"
+            raise WmrError(problem, "a planar model does not hold there; lower the masses or drive slower")
+        if self.friction.max() > SLIPS * there_is:
+            worst = int(self.friction.argmax())
+            share = f"{self.friction[worst]:.2g} of the load in friction at wheel {mechanism.wheels[worst].name}"
+            remedy = "agreement would mean nothing; start elsewhere, or look at the masses at this wheel"
+            raise WmrError(f"{what} needs {share}: it slips", remedy)
+
+
 class Engine:
-    """A mechanism in the engine.
+    """A mechanism in the engine, in the plane, or in space with all masses at `height` [m].
 
     Raises:
-        WmrError: if the engine is not installed, or refuses the mechanism.
+        WmrError: if the engine is not installed, or refuses the mechanism, or it does not stand on its wheels.
     """
 
-    def __init__(self, mechanism: Mechanism, contact: Contact, loads: Floats) -> None:
-        self.mechanism, self.loads, self._mujoco = mechanism, loads, mujoco()
-        self.xml = xml_of(mechanism, loads, contact)
+    def __init__(self, mechanism: Mechanism, contact: Contact, loads: Floats, height: float | None = None) -> None:
+        self.mechanism, self._mujoco, self._q = mechanism, mujoco(), np.zeros(mechanism.model.coordinate_count)
+        if height is not None and not mechanism.stands(self._q):
+            problem = f"{mechanism.model.name} does not stand: its centre of mass is not well within its wheels"
+            raise WmrError(problem, "leave space out: in the plane nothing tips")
+        self.xml = xml_of(mechanism, loads, contact, height)
         try:
             self.model = self._mujoco.MjModel.from_xml_string(self.xml)
         except ValueError as error:
@@ -48,25 +99,23 @@ class Engine:
         self._places, self._rates = [one.qposadr[0] for one in joints], [one.dofadr[0] for one in joints]
         wheels = [wheel.name for wheel in mechanism.wheels]
         self._spins = [self.model.joint(f"{name} spin").dofadr[0] for name in wheels]
-        self._heights = [self.model.joint(f"{name} load").qposadr[0] for name in wheels]
         self._bodies = [self.model.body(f"{name} wheel").id for name in wheels]
         self._shapes = {self.model.geom(name).id: k for k, name in enumerate(wheels)}
-        self._q = np.zeros(mechanism.model.coordinate_count)
-        self._sunk = self._sink(max(contact.step, 0.5 * contact.slow))
+        self._standing = self._sink(max(contact.step, 0.5 * contact.slow))
 
     def start(self, q: Floats, rates: Floats) -> None:
         """At q (n,) with q' (n,); wheels spin so that they roll."""
         engine, data = self._mujoco, self.data
         engine.mj_resetData(self.model, data)
         place, jacobian = (one.full() for one in self.mechanism.place(q))
+        data.qpos[:], self._q = self._standing, np.array(q, dtype=float)
         data.qpos[self._places], data.qvel[self._rates] = place.ravel(), jacobian @ rates
-        data.qpos[self._heights], self._q = self._sunk, np.array(q, dtype=float)
         engine.mj_forward(self.model, data)
         velocity = np.zeros(6)
         for k, body in enumerate(self._bodies):
             along = data.xmat[body].reshape(3, 3)[:2, 0]
             engine.mj_objectVelocity(self.model, data, engine.mjtObj.mjOBJ_BODY, body, velocity, 0)
-            radius = self.mechanism.wheels[k].radius + 0.5 * self._sunk[k]  # contact is in the middle of what overlaps
+            radius = 0.5 * (self.mechanism.wheels[k].radius + data.xpos[body][2])  # contact is amid what overlaps
             data.qvel[self._spins[k]] = along @ velocity[3:5] / np.hypot(*along) / radius
         engine.mj_forward(self.model, data)
 
@@ -95,28 +144,33 @@ class Engine:
         return np.concatenate([self._q, self.mechanism.pseudo_velocities(self._q, rates).full().ravel()])
 
     @property
-    def friction(self) -> Floats:
-        """What each wheel's force in the plane is, over its load there, (wheels,)."""
+    def grip(self) -> Grip:
+        """Now."""
         forces, one = np.zeros((len(self._bodies), 3)), np.zeros(6)
         for k in range(self.data.ncon):
             contact = self.data.contact[k]
             self._mujoco.mj_contactForce(self.model, self.data, k, one)
             wheel = self._shapes[contact.geom2 if contact.geom2 in self._shapes else contact.geom1]
             forces[wheel] += contact.frame.reshape(3, 3).T @ one[:3]
+        across, loads = np.hypot(forces[:, 0], forces[:, 1]), np.abs(forces[:, 2])
         with np.errstate(all="ignore"):
-            needed = np.hypot(forces[:, 0], forces[:, 1]) / np.abs(forces[:, 2])
-        return np.where(np.isfinite(needed), needed, np.inf)
+            friction = np.where(across > 0.0, across / loads, 0.0)
+        return Grip(friction, loads, loads, np.where(loads > 0.0, np.inf, self.data.time))
 
     def _sink(self, step: float) -> Floats:
-        """How high wheels stand at rest (wheels,) [m]: hardly below the floor."""
+        """Positions of all joints at rest at q = 0: wheels are hardly below the floor."""
         engine, model, data = self._mujoco, self.model, self.data
         engine.mj_resetData(model, data)
+        place = self.mechanism.place(self._q)[0].full().ravel()
         usual, model.opt.timestep = model.opt.timestep, step
         for _ in range(SINKING[0]):
             engine.mj_step(model, data)
-            data.qvel[self._rates], data.qvel[self._spins], data.qpos[self._places] = 0.0, 0.0, 0.0
+            data.qvel[self._rates], data.qvel[self._spins], data.qpos[self._places] = 0.0, 0.0, place
         for _ in range(SINKING[1]):
             data.qvel[:] = 0.0
             engine.mj_step(model, data)
         model.opt.timestep = usual
-        return np.asarray(data.qpos[self._heights]).copy()
+        return np.asarray(data.qpos).copy()
+
+
+Watch = Callable[[Engine, float], None]  # looks at the engine at a time [s]

@@ -217,6 +217,13 @@ class Mechanism:
 
         Least squares among the loads that balance the weight; equal shares where none do: the robot would tip.
         """
+        return self._statics(q)[0]
+
+    def stands(self, q: ArrayLike) -> bool:
+        """Whether the robot stands on three wheels or more at q (n,), its centre of mass well within them."""
+        return self._statics(q)[1]
+
+    def _statics(self, q: ArrayLike) -> tuple[Floats, bool]:
         names = self._values | dict(zip(self._coordinates, np.asarray(q, dtype=float).tolist(), strict=True))
 
         def seen(kind: str) -> Floats:
@@ -229,10 +236,10 @@ class Mechanism:
         balance = np.vstack([np.ones(count), (wheels - centre).T])
         wanted = np.array([weight, 0.0, 0.0])
         loads = np.asarray(np.linalg.pinv(balance) @ wanted)
-        stands = np.allclose(balance @ loads, wanted, atol=1e-6 * weight)
-        if stands and loads.min() > LEAST_LOAD * weight / count:
-            return loads
-        return np.full(count, weight / count)
+        balances = np.allclose(balance @ loads, wanted, atol=1e-6 * weight)
+        if balances and loads.min() > LEAST_LOAD * weight / count:
+            return loads, bool(np.linalg.matrix_rank(balance) == 3)
+        return np.full(count, weight / count), False
 
     def _point(self, at: Any) -> Floats:
         return np.array([self._number(one) for one in at])

@@ -8,6 +8,8 @@ wheel      hangs on a slide, which a preloaded spring presses onto the floor, an
                            contact between plane and capsule turns with the capsule
 motor      torque = gain u - back_emf rate on the hinge
 
+In space the root may also rise, pitch and roll, all is heavy, and wheels hang on no slides: their loads follow.
+
 The load of a wheel does not enter the planar motion as long as nothing slips. Spin inertia that a thin disc of the
 wheel's mass cannot have is the rotor's (`armature`).
 """
@@ -23,10 +25,13 @@ import numpy as np
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.validation.mechanism import GRAVITY, Mechanism, Wheel
 
+PLANAR = ("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("heading", "hinge", "0 0 1")
+UPRIGHT = ("z", "slide", "0 0 1"), ("pitch", "hinge", "0 1 0"), ("roll", "hinge", "1 0 0")
 SAG = 0.05  # [m], of the spring that presses a wheel down
 LOAD_INERTIA = 30.0  # of a slide, times load/g: it hardly moves
 FREE = 1e-5  # friction along rollers; MuJoCo takes no less
 HALF = 1e-7  # half length of a Swedish wheel's capsule, in radii
+AMPLE, AMPLE_FOR_ROLLERS = 50.0, 5.0  # friction
 OF_WHEELS = 0.9  # of a wheel's mass and inertia that hang on it; the rest stays at the frame, so that none is empty
 DISC = 1.9  # times its inertia about a diameter, that a disc has about its axle at most
 
@@ -42,6 +47,11 @@ class Contact:
     stiffness: float = 0.95  # MuJoCo's impedance; above 0.99 the loads of Swedish wheels chatter
 
 
+def ample_friction(mechanism: Mechanism) -> float:
+    """So much that hardly anything slips; with more of it rollers rub, too."""
+    return AMPLE_FOR_ROLLERS if mechanism.has_rollers else AMPLE
+
+
 @dataclass(frozen=True)
 class Rest:
     """What a frame weighs without its wheels."""
@@ -51,13 +61,13 @@ class Rest:
     inertia: float  # about the centre
 
 
-def xml_of(mechanism: Mechanism, loads: Floats, contact: Contact) -> str:
-    """The whole model; `loads` (wheels,) [N]."""
+def xml_of(mechanism: Mechanism, loads: Floats, contact: Contact, height: float | None = None) -> str:
+    """The whole model; `loads` (wheels,) [N]. In space with all masses at `height` [m] above the floor, else planar."""
     root = ET.Element("mujoco", model=mechanism.model.name)
     ET.SubElement(root, "compiler", angle="radian", balanceinertia="false", inertiafromgeom="false")
     ET.SubElement(
         root, "option", timestep=_text(contact.step), integrator="Euler", cone="elliptic", solver="Newton",
-        iterations="100", tolerance="1e-14", gravity="0 0 0",
+        iterations="100", tolerance="1e-14", gravity=_text(0, 0, 0 if height is None else -GRAVITY),
     )  # fmt: skip
     _look(root)
     hard = _text(2.0 * contact.step)
@@ -73,10 +83,10 @@ def xml_of(mechanism: Mechanism, loads: Floats, contact: Contact) -> str:
     ET.SubElement(world, "geom", name="floor", type="plane", size="0 0 .1", material="grid")
     bodies: dict[str | None, ET.Element] = {None: world}
     for frame in mechanism.frames:
-        bodies[frame.name] = _frame(bodies[frame.parent], mechanism, frame.name, contact)
+        bodies[frame.name] = _frame(bodies[frame.parent], mechanism, frame.name, contact, height)
     pairs = ET.SubElement(root, "contact")
     for wheel, load in zip(mechanism.wheels, loads, strict=True):
-        _wheel(bodies[wheel.frame], wheel, float(load), mechanism, contact)
+        _wheel(bodies[wheel.frame], wheel, None if height is not None else float(load), mechanism, contact)
         across = contact.friction if wheel.roller_angle is None else FREE
         friction = _text(across, contact.friction, 0, 0, 0)
         ET.SubElement(pairs, "pair", geom1="floor", geom2=wheel.name, friction=friction)
@@ -91,23 +101,21 @@ def xml_of(mechanism: Mechanism, loads: Floats, contact: Contact) -> str:
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _frame(parent: ET.Element, mechanism: Mechanism, name: str, contact: Contact) -> ET.Element:
+def _frame(parent: ET.Element, mechanism: Mechanism, name: str, contact: Contact, height: float | None) -> ET.Element:
     frame = next(one for one in mechanism.frames if one.name == name)
     place: dict[str, Any] = {"pos": _text(*frame.at, 0)}
     if frame.parent is not None and not frame.is_joint:
         place["euler"] = _text(0, 0, mechanism.fixed_angle(name))
     body = ET.SubElement(parent, "body", name=name, **place)
     if frame.parent is None:
-        for joint, kind, axis in (("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("heading", "hinge", "0 0 1")):
+        for joint, kind, axis in PLANAR if height is None else (*PLANAR, *UPRIGHT):
             ET.SubElement(body, "joint", name=f"root {joint}", type=kind, axis=axis)
     elif frame.is_joint:
         ET.SubElement(body, "joint", name=name, type="hinge", axis="0 0 1")
-    rest = rest_of(mechanism, name, contact)
-    height = mechanism.wheels[0].radius
-    ET.SubElement(
-        body, "inertial", pos=_text(*rest.centre, height), mass=_text(rest.mass), diaginertia=_text(*[rest.inertia] * 3)
-    )
-    _box(body, mechanism, name, height)
+    rest, radius = rest_of(mechanism, name, contact), mechanism.wheels[0].radius
+    centre = _text(*rest.centre, radius if height is None else height)
+    ET.SubElement(body, "inertial", pos=centre, mass=_text(rest.mass), diaginertia=_text(*[rest.inertia] * 3))
+    _box(body, mechanism, name, radius)
     return body
 
 
@@ -137,7 +145,7 @@ def hung(wheel: Wheel, mechanism: Mechanism, contact: Contact) -> tuple[float, f
     return mass, OF_WHEELS * wheel.inertia or 1e-3 * mass * wheel.radius**2
 
 
-def _wheel(parent: ET.Element, wheel: Wheel, load: float, mechanism: Mechanism, contact: Contact) -> None:
+def _wheel(parent: ET.Element, wheel: Wheel, load: float | None, mechanism: Mechanism, contact: Contact) -> None:
     turned = 0.0 if wheel.roller_angle is None else wheel.roller_angle
     mass, inertia = hung(wheel, mechanism, contact)
     spin = wheel.spin_inertia / np.cos(turned) ** 2  # of the wheel that rolls across the rollers' axles
@@ -147,10 +155,11 @@ def _wheel(parent: ET.Element, wheel: Wheel, load: float, mechanism: Mechanism, 
         parent, "body", name=f"{wheel.name} wheel", pos=_text(*wheel.at, wheel.radius),
         euler=_text(0, 0, wheel.angle + turned),
     )  # fmt: skip
-    ET.SubElement(
-        body, "joint", name=f"{wheel.name} load", type="slide", axis="0 0 1", stiffness=_text(load / SAG),
-        springref=_text(-SAG), armature=_text(LOAD_INERTIA * load / GRAVITY),
-    )  # fmt: skip
+    if load is not None:
+        ET.SubElement(
+            body, "joint", name=f"{wheel.name} load", type="slide", axis="0 0 1", stiffness=_text(load / SAG),
+            springref=_text(-SAG), armature=_text(LOAD_INERTIA * load / GRAVITY),
+        )  # fmt: skip
     ET.SubElement(body, "joint", name=f"{wheel.name} spin", type="hinge", axis="0 1 0", armature=_text(spin - disc))
     ET.SubElement(body, "inertial", pos="0 0 0", mass=_text(mass), diaginertia=_text(inertia, disc, inertia))
     shape: dict[str, Any] = {"type": "sphere", "size": _text(wheel.radius)}

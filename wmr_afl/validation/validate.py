@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,21 +11,34 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wmr_afl.errors import InputError, WmrError
+from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.files import is_shipped
 from wmr_afl.model.model import Model, load_model
 from wmr_afl.model.plausibility import check_robots
 from wmr_afl.numerics.arguments import checked
 from wmr_afl.numerics.arrays import Floats
+from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.validation.bursts import Bursts, bursts
 from wmr_afl.validation.drive import Driven, drive
-from wmr_afl.validation.engine import mujoco
+from wmr_afl.validation.engine import Watch, mujoco
 from wmr_afl.validation.mechanism import Mechanism
 from wmr_afl.validation.mjcf import Contact, xml_of
+from wmr_afl.validation.tracking import Tracked, track
 
-CONVENTIONAL, SWEDISH = 4e-5, 1e-3  # root mean square of accelerations' errors: rollers rub a little in the engine
-RUN = 1e-3  # of a drive, extrapolated
-SLIPS = 0.95  # of the friction that there is: with more the engine's wheels slip
+
+@dataclass(frozen=True)
+class Bounds:
+    """Of what may lie between a model and the engine."""
+
+    bursts: float  # root mean square of accelerations' errors
+    loop: float  # of what a controller brings about, extrapolated: it makes up for most of what differs
+    drive: float = 1e-3  # of velocities and of the path, extrapolated
+
+
+CONVENTIONAL = Bounds(4e-5, 1e-5)
+ROUGH = Bounds(1e-3, 1e-4)  # rollers rub a little in the engine; robots of one's own come near singular states
 SPREAD = 0.35  # of the logarithm of drawn parameters
+Progress = Callable[[int, int], None]  # checks done, of how many
 
 
 @dataclass(frozen=True, repr=False)
@@ -35,7 +48,9 @@ class Validation:
     mechanism: Mechanism
     bursts: Bursts
     driven: Driven
-    bound: float  # of the bursts
+    bounds: Bounds
+    tracked: tuple[Tracked, ...] = ()  # controllers of an experiment
+    height: float | None = None  # [m] of the masses, in space
 
     @property
     def model(self) -> Model:
@@ -60,29 +75,55 @@ class Validation:
     @property
     def agrees(self) -> bool:
         """Whether everything is within its bound."""
-        found = (self.bursts.rms.max() <= self.bound, self.differences[2].max() <= RUN, self.ends[2] <= RUN)
-        return bool(all(found))
+        found = (
+            self.bursts.rms.max() <= self.bounds.bursts,
+            self.differences[2].max() <= self.bounds.drive,
+            self.ends[2] <= self.bounds.drive,
+        )
+        return bool(all(found)) and all(one.share <= self.bounds.loop for one in self.tracked)
 
     @property
     def verdict(self) -> str:
         """In a line, with the bounds."""
         word = "AGREES" if self.agrees else "DIFFERS"
         return (
-            f"{word}: accelerations at random states within {100 * self.bound:g} % rms "
-            f"({100 * self.bursts.rms.max():.2g} %), the drive within {100 * RUN:g} % "
+            f"{word}: accelerations at random states within {100 * self.bounds.bursts:g} % rms "
+            f"({100 * self.bursts.rms.max():.2g} %), the drive within {100 * self.bounds.drive:g} % "
             f"({100 * max(self.differences[2].max(), self.ends[2]):.2g} %)"
-        )
+        ) + self._of_controllers
+
+    @property
+    def _of_controllers(self) -> str:
+        if not self.tracked:
+            return ""
+        worst = max(one.share for one in self.tracked)
+        return f", what controllers bring about within {100 * self.bounds.loop:g} % ({100 * worst:.2g} %)"
+
+    @property
+    def wheels(self) -> dict[str, dict[str, float]]:
+        """Of each wheel: its load at rest, the least and the most on the way [N], and the friction that was needed.
+
+        In space loads shift; in the plane they are those of statics.
+        """
+        rest = self.mechanism.loads(self.driven.model[0, : self.model.coordinate_count])
+        grip = self.driven.grip
+        for one in self.tracked:
+            grip = grip.beside(one.grip)
+        rows = np.array([rest, grip.least, grip.most, grip.friction]).T.tolist()
+        names = (wheel.name for wheel in self.mechanism.wheels)
+        columns = "rest", "least", "most", "friction"
+        return {name: dict(zip(columns, row, strict=True)) for name, row in zip(names, rows, strict=True)}
 
     @property
     def friction(self) -> dict[str, float]:
-        """What the drive needed at each wheel, as a share of its load."""
-        return dict(zip((wheel.name for wheel in self.mechanism.wheels), self.driven.friction.tolist(), strict=True))
+        """The most that was needed at each wheel, as a share of its load at that time."""
+        return {name: numbers["friction"] for name, numbers in self.wheels.items()}
 
     @property
     def xml(self) -> str:
         """The engine's robot, for any viewer of MuJoCo."""
         start = self.driven.model[0, : self.model.coordinate_count]
-        return xml_of(self.mechanism, self.mechanism.loads(start), Contact())
+        return xml_of(self.mechanism, self.mechanism.loads(start), Contact(), self.height)
 
     @property
     def numbers(self) -> dict[str, Any]:
@@ -93,14 +134,14 @@ class Validation:
             "agrees": self.agrees,
             "parameters": dict(zip(self.model.parameter_units, self.mechanism.p.tolist(), strict=True)),
             "bursts": {
-                "bound": self.bound,
+                "bound": self.bounds.bursts,
                 "count": self.bursts.count,
                 "slipped": self.bursts.slipped,
                 "rms": dict(zip(self.names, self.bursts.rms.tolist(), strict=True)),
                 "worst": dict(zip(self.names, self.bursts.worst.tolist(), strict=True)),
             },
             "drive": {
-                "bound": RUN,
+                "bound": self.bounds.drive,
                 "seconds": float(self.driven.time[-1]),
                 **{
                     key: dict(zip(self.names, row.tolist(), strict=True)) | {"end of the path": float(end)}
@@ -108,8 +149,28 @@ class Validation:
                         ("coarse", "fine", "extrapolated"), self.differences, self.ends, strict=True
                     )
                 },
-                "friction": self.friction,
             },
+            "space": None if self.height is None else {"height": self.height},
+            "wheels": self.wheels,
+            "controllers": {one.controller: self._of(one) for one in self.tracked},
+        }
+
+    def _of(self, one: Tracked) -> dict[str, Any]:
+        outputs = list(self.model.output_units)
+        errors = {
+            key: dict(zip(outputs, row.tolist(), strict=True))
+            for key, row in zip(("simulated", "coarse", "fine", "extrapolated"), one.errors, strict=True)
+        }
+        apart = {
+            key: dict(zip(outputs, row.tolist(), strict=True))
+            for key, row in zip(("coarse", "fine", "extrapolated"), one.apart, strict=True)
+        }
+        return {
+            "bound": self.bounds.loop,
+            "share": one.share,
+            "errors": errors,
+            "apart": apart,
+            "left_out": list(one.left_out),
         }
 
     def __repr__(self) -> str:
@@ -129,16 +190,27 @@ def validate(
     count: int = 200,
     seconds: float = 10.0,
     seed: int = 1,
+    experiment: str | Path | None = None,
+    controllers: Iterable[str] | str | None = None,
+    space: bool = False,
+    height: float | None = None,
+    progress: Progress = lambda done, total: None,
+    watch: Watch = lambda engine, time: None,
 ) -> Validation:
     """Hold a model against MuJoCo, which is told frames, masses, wheels and motors, and nothing of constraints.
 
     `parameters` replace the description's; `start` is where the drive begins, zero unless given. `count` random states
-    are drawn with `seed`; the drive lasts `seconds` [s].
+    are drawn with `seed`; the drive lasts `seconds` [s]. With an `experiment` of this robot its controllers, or those
+    that are named, drive the engine's robot besides, at the experiment's parameters.
+
+    With `space` the robot may rise, pitch and roll on its wheels, with all masses at `height` [m] above the floor, the
+    radius of its largest wheel unless given. `watch` is called with the engine while it drives.
 
     Raises:
-        WmrError: if the engine is not installed or cannot have the robot, or if wheels would slip in it.
-        InputError: if `count`, `seconds`, `seed` or `start` is wrong.
-        UnknownNameError: if a parameter has another name.
+        WmrError: if the engine is not installed or cannot have the robot, wheels would slip or leave the floor, or the
+            experiment is one of another robot.
+        InputError: if `count`, `seconds`, `seed`, `height` or `start` is wrong, or the experiment's file.
+        UnknownNameError: if a parameter, an experiment or a controller has another name.
     """
     model = (robot if isinstance(robot, Model) else load_model(robot)).in_library("numpy")
     p = np.asarray(model.parameters(**(parameters or {})), dtype=float)
@@ -152,19 +224,45 @@ def validate(
     unknown = sorted(set(start or {}) - set(names))
     if unknown:
         raise InputError("start", unknown[0], "is no coordinate", f"name one of {', '.join(names)}")
-    mechanism = Mechanism(model, p)
+    if height is not None and not (space and 1e-3 <= height <= 100.0):
+        what = "is no height" if space else "is given without space"
+        raise InputError("height", f"{height:g}", what, "give 0.001 to 100 m of the masses, in space")
+    mechanism, loops = Mechanism(model, p), _loops(experiment, controllers, model)
+    above = (height or max(wheel.radius for wheel in mechanism.wheels)) if space else None
+    total = 2 + len(loops)
+    progress(0, total)
     found = bursts(mechanism, count=count, seed=seed)
     if found.slipped == count:
         raise WmrError("every random state needs more friction than there is", "choose heavier wheels or other motors")
     q = np.array([float((start or {}).get(name, 0.0)) for name in names])
-    driven = drive(mechanism, q, seconds)
-    least = Contact().friction * SLIPS
-    if driven.friction.max() > least:
-        worst = mechanism.wheels[int(driven.friction.argmax())].name
-        problem = f"the drive needs {driven.friction.max():.2g} of the load in friction at wheel {worst}: it slips"
-        raise WmrError(problem, "agreement would mean nothing; start elsewhere, or look at the masses at this wheel")
+    progress(1, total)
+    driven = drive(mechanism, q, seconds, above, None if loops else watch)
+    tracked: list[Tracked] = []
+    for name, (loop, duration) in loops.items():
+        progress(2 + len(tracked), total)
+        tracked.append(track(loop, name, duration, above, None if tracked else watch))
+    progress(total, total)
     is_exact = is_shipped(model.folder) and not mechanism.has_rollers
-    return Validation(mechanism, found, driven, CONVENTIONAL if is_exact else SWEDISH)
+    bounds = CONVENTIONAL if is_exact else ROUGH
+    return Validation(mechanism, found, driven, bounds, tuple(tracked), above)
+
+
+def _loops(
+    experiment: str | Path | None, controllers: Iterable[str] | str | None, model: Model
+) -> dict[str, tuple[ClosedLoop, float]]:
+    """Closed loops of an experiment by controller, with their duration [s]."""
+    if experiment is None:
+        return {}
+    loaded = load_experiment(experiment)
+    chosen = [controllers] if isinstance(controllers, str) else list(() if controllers is None else controllers)
+    found = {}
+    for name in (loaded.name(one) for one in chosen or loaded.loops):
+        loop = loaded.loops[name]
+        if loop.model.folder != model.folder:
+            problem = f"{loaded.path.stem} is an experiment of {loop.model.name}, not of {model.name}"
+            raise WmrError(problem, "name one of this robot")
+        found[name] = loop, loaded.experiment.simulation.duration
+    return found
 
 
 def drawn(model: Model, count: int, seed: int = 1) -> list[dict[str, float]]:

@@ -22,7 +22,7 @@ from wmr_afl.validation.drive import drive
 from wmr_afl.validation.engine import Engine
 from wmr_afl.validation.mechanism import Mechanism
 from wmr_afl.validation.mjcf import Contact
-from wmr_afl.validation.validate import CONVENTIONAL, RUN, SWEDISH, drawn
+from wmr_afl.validation.validate import CONVENTIONAL, ROUGH, Bounds, drawn
 from wmr_afl.validation.voltages import Waves
 
 mujoco = pytest.importorskip("mujoco")
@@ -37,7 +37,8 @@ def mechanism_of(name: str, **parameters: float) -> Mechanism:
 
 def bound(mechanism: Mechanism) -> float:
     """Of its accelerations."""
-    return SWEDISH if any(one.roller_angle is not None for one in mechanism.wheels) else CONVENTIONAL
+    is_rough = any(one.roller_angle is not None for one in mechanism.wheels)
+    return (ROUGH if is_rough else CONVENTIONAL).bursts
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -68,10 +69,10 @@ def test_a_drive_is_that_of_the_engine(name: str) -> None:
     found = drive(mechanism, np.zeros(n), 3.0)
     coarse, fine, extrapolated = found.differences(n)
     np.testing.assert_allclose(coarse / fine, 2.0, rtol=0.2)
-    assert extrapolated.max() < 0.1 * RUN
-    assert found.ends(lambda x: x[:, :2])[2] < 0.1 * RUN
-    assert np.all(found.friction > 0.0)
-    assert np.all(found.friction < 1.0)
+    assert extrapolated.max() < 0.1 * ROUGH.drive
+    assert found.ends(lambda x: x[:, :2])[2] < 0.1 * ROUGH.drive
+    assert np.all(found.grip.friction > 0.0)
+    assert np.all(found.grip.friction < 1.0)
 
 
 def gain(mechanism: Mechanism) -> None:
@@ -162,7 +163,7 @@ def test_joints_that_follow_one_coordinate_are_coupled(tmp_path: Path) -> None:
     other, offset, slope = mechanism.couplings["back"]
     assert other == "fork"
     assert (offset, slope) == pytest.approx((np.pi / 3.0, -2.0))
-    assert bursts(mechanism, count=40).rms.max() < SWEDISH
+    assert bursts(mechanism, count=40).rms.max() < ROUGH.bursts
 
 
 def test_what_an_engine_cannot_have_is_refused(tmp_path: Path) -> None:
@@ -228,7 +229,7 @@ def test_the_command_tells_and_writes(tmp_path: Path) -> None:
 
 def test_a_robot_that_differs_ends_with_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The verdict says so."""
-    monkeypatch.setattr("wmr_afl.validation.validate.CONVENTIONAL", 1e-9)
+    monkeypatch.setattr("wmr_afl.validation.validate.CONVENTIONAL", Bounds(1e-9, 1e-9))
     done = CliRunner().invoke(app, ["validate", "type_2_0", "--seconds", "0.5", "--out", str(tmp_path / "out")])
     assert done.exit_code == 1
     assert "DIFFERS" in done.output
@@ -236,6 +237,6 @@ def test_a_robot_that_differs_ends_with_one(monkeypatch: pytest.MonkeyPatch, tmp
 
 def test_agreement_means_nothing_where_wheels_slip(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a drive needs more friction than there is nothing is judged."""
-    monkeypatch.setattr("wmr_afl.validation.validate.SLIPS", 0.01)
+    monkeypatch.setattr("wmr_afl.validation.engine.SLIPS", 0.01)
     with pytest.raises(WmrError, match="it slips; agreement would mean nothing"):
         validate("car", seconds=2.0, count=1)

@@ -21,14 +21,16 @@ MOST = 250  # pictures; of a longer drive they are farther apart, and it is show
 
 
 @contextmanager
-def filming(file: Path, seconds: float) -> Iterator[Camera]:
+def filming(file: Path, seconds: float, size: tuple[int, int] = SIZE, most: int = MOST) -> Iterator[Camera]:
     """A camera whose pictures of `seconds` [s] are in the file at the end.
+
+    `size` [pixels]; at `most` so many pictures.
 
     Raises:
         WmrError: if the file cannot be written.
     """
     writer: AbstractMovieWriter = (PillowWriter if file.suffix.lower() == ".gif" else FFMpegWriter)(PER_SECOND)
-    figure = Figure(figsize=(SIZE[0] / DPI, SIZE[1] / DPI), dpi=DPI)
+    figure = Figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI)
     FigureCanvasAgg(figure)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
@@ -41,7 +43,7 @@ def filming(file: Path, seconds: float) -> Iterator[Camera]:
         shown.set_data(picture)
         writer.grab_frame()
 
-    camera = Camera(take, max(1.0 / PER_SECOND, seconds / MOST), SIZE)
+    camera = Camera(take, max(1.0 / PER_SECOND, seconds / most), size)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with replacing(file) as beside:

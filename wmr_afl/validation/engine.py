@@ -101,6 +101,8 @@ class Engine:
         self._spins = [self.model.joint(f"{name} spin").dofadr[0] for name in wheels]
         self._bodies = [self.model.body(f"{name} wheel").id for name in wheels]
         self._shapes = {self.model.geom(name).id: k for k, name in enumerate(wheels)}
+        zero, jacobian = (one.full() for one in mechanism.place(self._q))
+        self._zero, self._inverse = zero.ravel(), np.linalg.pinv(jacobian) if mechanism.is_linear else None
         self._standing = self._sink(max(contact.step, 0.5 * contact.slow))
 
     def start(self, q: Floats, rates: Floats) -> None:
@@ -127,20 +129,23 @@ class Engine:
         """
         self.data.ctrl[:] = u
         self._mujoco.mj_step(self.model, self.data, steps)
-        if any(warning.number for warning in self.data.warning) or not np.all(np.isfinite(self.data.qvel)):
+        if np.any(self.data.warning.number) or not np.all(np.isfinite(self.data.qvel)):
             raise WmrError(f"the engine cannot follow {self.mechanism.model.name}", "choose lower voltages")
 
     @property
     def state(self) -> Floats:
         """x = [q; v] (2n-m,), v by its definition from q', whether or not wheels slip."""
-        place = self.data.qpos[self._places]
-        for _ in range(20):
-            found, jacobian = (one.full() for one in self.mechanism.place(self._q))
-            left = found.ravel() - place
-            if np.abs(left).max() < EXACT:
-                break
-            self._q = self._q - np.linalg.lstsq(jacobian, left, rcond=None)[0]
-        rates = np.linalg.lstsq(jacobian, self.data.qvel[self._rates], rcond=None)[0]
+        place, inverse = self.data.qpos[self._places], self._inverse
+        if inverse is None:
+            for _ in range(20):
+                found, jacobian = (one.full() for one in self.mechanism.place(self._q))
+                inverse, left = np.linalg.pinv(jacobian), found.ravel() - place
+                if np.abs(left).max() < EXACT:
+                    break
+                self._q = self._q - inverse @ left
+        else:
+            self._q = inverse @ (place - self._zero)
+        rates = inverse @ self.data.qvel[self._rates]
         return np.concatenate([self._q, self.mechanism.pseudo_velocities(self._q, rates).full().ravel()])
 
     @property
@@ -161,11 +166,10 @@ class Engine:
         """Positions of all joints at rest at q = 0: wheels are hardly below the floor."""
         engine, model, data = self._mujoco, self.model, self.data
         engine.mj_resetData(model, data)
-        place = self.mechanism.place(self._q)[0].full().ravel()
         usual, model.opt.timestep = model.opt.timestep, step
         for _ in range(SINKING[0]):
             engine.mj_step(model, data)
-            data.qvel[self._rates], data.qvel[self._spins], data.qpos[self._places] = 0.0, 0.0, place
+            data.qvel[self._rates], data.qvel[self._spins], data.qpos[self._places] = 0.0, 0.0, self._zero
         for _ in range(SINKING[1]):
             data.qvel[:] = 0.0
             engine.mj_step(model, data)

@@ -143,6 +143,11 @@ class Mechanism:
         return sum(part.mass for part in (*self.bodies, *self.wheels))
 
     @property
+    def axle_height(self) -> float:
+        """Of the largest wheel [m]."""
+        return max(wheel.radius for wheel in self.wheels)
+
+    @property
     def has_rollers(self) -> bool:
         """Whether any wheel is a Swedish one."""
         return any(wheel.roller_angle is not None for wheel in self.wheels)
@@ -158,6 +163,12 @@ class Mechanism:
         q, every = self._angles
         found = every[[0, 1, 2, *(i for i, frame in enumerate(self.frames[1:], 3) if frame.is_joint)]]
         return ca.Function("place", [q], [found, ca.jacobian(found, q)])
+
+    @cached_property
+    def is_linear(self) -> bool:
+        """Whether `place` is: its Jacobian then is the same everywhere."""
+        q, every = self._angles
+        return bool(ca.jacobian(ca.vec(ca.jacobian(every, q)), q).nnz() == 0)
 
     @cached_property
     def couplings(self) -> dict[str, tuple[str, float, float]]:

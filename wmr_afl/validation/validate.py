@@ -228,7 +228,7 @@ def validate(
         what = "is no height" if space else "is given without space"
         raise InputError("height", f"{height:g}", what, "give 0.001 to 100 m of the masses, in space")
     mechanism, loops = Mechanism(model, p), _loops(experiment, controllers, model)
-    above = (height or max(wheel.radius for wheel in mechanism.wheels)) if space else None
+    above = (height or mechanism.axle_height) if space else None
     total = 2 + len(loops)
     progress(0, total)
     found = bursts(mechanism, count=count, seed=seed)

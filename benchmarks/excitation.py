@@ -1,4 +1,4 @@
-"""`python -m benchmarks.excitation [ROBOT ...]`: voltages designed for every shipped robot, and what they tell.
+"""`python -m benchmarks.excitation [ROBOT ...] [--page docs/identification.md]`: designed voltages, and what they tell.
 
 Each row is one design: random multisine -> D-optimal, both kept within limits by all robots that are tried. Then
 FRESH other robots, up to 30 % off as well, drive the voltages: how many of those go beyond a limit, and how far the
@@ -7,20 +7,22 @@ worst one. Times depend on the machine.
 
 from __future__ import annotations
 
+import argparse
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.table import Table
 
 import wmr_afl
-from benchmarks.tables import in_terminal, three_digits
+from benchmarks.tables import in_markdown, in_terminal, replace_between, three_digits
 from wmr_afl.identification.excursions import moved, others, substeps
 from wmr_afl.identification.voltage_design import Excitation
 from wmr_afl.numerics.arrays import Floats
 
+MARKS = "<!-- excitation -->", "<!-- end of excitation -->"
 FRESH = 400  # robots that the design has not seen
 
 Limits = tuple[float, float, dict[str, float]]  # volts, room [m], angles [rad]
@@ -86,10 +88,19 @@ def shares_of_others(found: Excitation) -> Floats:
     return largest
 
 
-def measure(robots: Sequence[str] = tuple(LIMITS)) -> Table:
-    """Designs of these robots."""
-    return in_terminal(HEADINGS, rows(robots), "Voltages within limits, from a random multisine to D-optimal")
+def main() -> None:
+    """Print the table; with --page into the page as well."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("robots", nargs="*", default=tuple(LIMITS), metavar="ROBOT")
+    parser.add_argument("--page", type=Path)
+    given = parser.parse_args()
+    found = list(rows(given.robots))
+    Console(width=230).print(
+        in_terminal(HEADINGS, found, "Voltages within limits, from a random multisine to D-optimal")
+    )
+    if given.page:
+        replace_between(given.page, MARKS, in_markdown(HEADINGS, found, 2))
 
 
 if __name__ == "__main__":
-    Console(width=230, markup=False).print(measure(sys.argv[1:] or tuple(LIMITS)))
+    main()

@@ -105,11 +105,17 @@ class Effort:
 
     def base(self, p: Floats) -> Floats:
         """[pi; rho] of a robot with these parameters."""
-        pi = np.asarray(self.model.effort_parameters(p))
-        if not self.ratio_groups:
-            return pi
-        rho = np.asarray(self.model.gain_ratios(p))
-        return np.concatenate([pi, rho[[group[0] for group in self.ratio_groups.values()]]])
+        first = [group[0] for group in self.ratio_groups.values()]
+        return np.concatenate([np.asarray(self.model.effort_parameters(p)), self.ratios(p)[first]])
+
+    def ratios(self, p: Floats) -> Floats:
+        """rho (n_u,) of a robot with these parameters."""
+        return np.asarray(self.model.gain_ratios(p)) if self.model.has("gain_ratios") else np.ones(self.n_u)
+
+    @cached_property
+    def n_u(self) -> int:
+        """Motors."""
+        return len(self.model.input_units)
 
     def kinematic(self, q: Floats) -> Floats:
         """S (..., n, n-m)."""
@@ -154,6 +160,13 @@ class Effort:
                 ca.DM.zeros(self.n_v, 0), *(_row_sums(rubbing, g) for g in self.friction_groups.values())
             ),
         )
+
+    @cached_property
+    def columns(self) -> ca.Function:
+        """(x, u, a) -> what each unknown number is multiplied by: [Y, -R_k u_k, R F] (n-m, unknown)."""
+        s, a = self._symbols, ca.SX.sym("a", self.n_v)
+        y = s.y0 + sum(one * a[i] for i, one in enumerate(s.y))
+        return ca.Function("columns", [s.x, s.u, a], [ca.densify(ca.horzcat(y, -s.others, s.friction))])
 
     @cached_property
     def weak_terms(self) -> ca.Function:

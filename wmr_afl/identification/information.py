@@ -1,7 +1,7 @@
 """What a motion tells of a robot's numbers: the columns of the effort form, each scaled by its guess.
 
-    R diag(rho) (u - F c) = Y pi                           rows of X^T u, as in (I5)
-    information = sum over samples of A^T A,  A = [Y |pi|, -R_k u_k |rho_k|, R diag(rho) F |c|]
+    R diag(rho) u = Y pi + R F kappa                       rows of X^T u, as in (I5)
+    information = sum over samples of A^T A,  A = [Y |pi|, -R_k u_k |rho_k|, R F |kappa|]
 
 A row counts as a voltage: it is divided by the size that R has in it over all angles. So the inverse of the
 information, times the variance of a voltage, is the covariance of the numbers relative to their guesses.
@@ -15,19 +15,17 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wmr_afl.errors import WmrError
-from wmr_afl.identification.alike import gain_kinds, motor_kinds
+from wmr_afl.identification.effort import Effort
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
 
 FRICTION = 0.06  # of the voltage there is: the guess of Coulomb friction
-ROUNDED = 0.2  # [rad/s] of a shaft: below it friction fades, which keeps the design smooth
 POSES = 64  # at which the size of a row is measured
 
 
 @dataclass(frozen=True)
 class Unknowns:
-    """What is to be determined: effort parameters, ratios of torque gains, Coulomb friction of each kind of motor."""
+    """What is to be determined: base parameters, ratios of torque gains, Coulomb friction of each kind of motor."""
 
     names: tuple[str, ...]
     columns: ca.Function  # (x, u) -> A (n-m, k) [V]
@@ -43,30 +41,17 @@ def unknowns(model: Model, parameters: Floats, volts: float) -> Unknowns:
     """What is to be determined of a robot whose parameters are guessed as p (n_p,), driven with up to `volts`.
 
     Raises:
-        WmrError: if the model has no effort form; the text says why.
+        MissingTermError: if the model has no effort form; the text says why.
     """
-    if not model.has("effort_regressor"):
-        obstacle = model.metadata.get("effort_obstacle") or "it was derived before there was one"
-        raise WmrError(f"{model.name} has no form that is linear in its numbers", str(obstacle))
-    made, n, c = model.in_library("casadi"), model.coordinate_count, model.known(parameters)
-    pi = np.asarray(model.effort_parameters(parameters))
-    rho = np.asarray(model.gain_ratios(parameters)) if model.has("gain_ratios") else np.ones(len(model.input_units))
-    x, u = ca.SX.sym("x", len(model.state_units)), ca.SX.sym("u", len(model.input_units))
-    a = made.state_derivative(x, u, np.zeros(model.pseudo_velocity_count), parameters)[n:]
-    effort = made.effort_map(x[:n], c) @ ca.diag(rho)
-    friction = effort @ ca.diag(ca.tanh(made.actuator_rates_matrix(x[:n], parameters) @ x[n:] / ROUNDED))
-    of_ratios, of_friction = gain_kinds(model), motor_kinds(model)
-    motors = list(model.input_units)
-    columns = [made.effort_regressor(x, a, c) @ ca.diag(np.where(pi == 0.0, 1.0, np.abs(pi)))]
-    columns += [-(effort[:, kind] @ u[kind]) for kind in of_ratios]
-    columns += [FRICTION * volts * ca.sum2(friction[:, kind]) for kind in of_friction]
-    together = ca.diag(1.0 / _row_sizes(model, c, rho)) @ ca.horzcat(*columns)
-    names = [
-        *model.units_of("effort_parameters"),
-        *(f"torque gain of {motors[kind[0]]}" for kind in of_ratios),
-        *(f"friction of {motors[kind[0]]}" for kind in of_friction),
-    ]
-    return Unknowns(tuple(names), ca.Function("columns", [x, u], [ca.densify(together)]))
+    effort = Effort(model, parameters)
+    rubbing = effort.ratios(parameters)[[group[0] for group in effort.friction_groups.values()]]
+    guess = np.concatenate([np.abs(effort.base(parameters)), FRICTION * volts * rubbing])
+    made, n, w = model.in_library("casadi"), effort.n, np.zeros(effort.n_v)
+    x, u = ca.SX.sym("x", n + effort.n_v), ca.SX.sym("u", len(model.input_units))
+    a = made.state_derivative(x, u, w, parameters)[n:]
+    scaled = effort.columns(x, u, a) @ ca.diag(np.where(guess == 0.0, 1.0, guess))
+    rows = ca.diag(1.0 / _row_sizes(effort)) @ scaled
+    return Unknowns(tuple(effort.units), ca.Function("columns", [x, u], [ca.densify(rows)]))
 
 
 def log_determinant(information: Floats) -> float:
@@ -92,8 +77,8 @@ def deviations(information: Floats, noise: float) -> Floats:
     return noise * np.sqrt(variances)
 
 
-def _row_sizes(model: Model, c: Floats, rho: Floats) -> Floats:
+def _row_sizes(effort: Effort) -> Floats:
     """The root mean square of the length of each row of R diag(rho), over joint angles within a radian."""
-    q = np.random.default_rng(0).uniform(-1.0, 1.0, (POSES, model.coordinate_count))
-    rows = np.asarray(model.effort_map(q, np.broadcast_to(c, (POSES, len(c))))) * rho
-    return np.sqrt((rows**2).sum(axis=-1).mean(axis=0))
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (POSES, effort.n))
+    rows = effort.map(q) * effort.ratios(effort.p)
+    return np.asarray(np.sqrt((rows**2).sum(axis=-1).mean(axis=0)))

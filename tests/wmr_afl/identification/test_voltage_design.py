@@ -18,8 +18,9 @@ import wmr_afl
 from tests.derive.descriptions import derived, motor, robot, steered, wheel
 from wmr_afl.cli import app, terminal
 from wmr_afl.identification import voltage_design
+from wmr_afl.identification.effort import FRICTION_WIDTH
 from wmr_afl.identification.excursions import SPREAD, moved, others, space_of, substeps
-from wmr_afl.identification.information import FRICTION, ROUNDED, condition, deviations, log_determinant, unknowns
+from wmr_afl.identification.information import FRICTION, condition, deviations, log_determinant, unknowns
 from wmr_afl.identification.voltage_design import NOISE, REST, SAMPLE, Excitation, excite
 from wmr_afl.numerics.arrays import Floats
 
@@ -146,7 +147,7 @@ def columns(name: str, volts: float, states: Floats, voltages: Floats) -> tuple[
         effort = model.effort_map(x[:n], c) * rho
         parts = [model.effort_regressor(x, a, c) * np.abs(model.effort_parameters(p))]
         parts += [-effort[:, [1]] * u[1]] if np.any(rho != 1.0) else []
-        friction = effort * np.tanh(model.actuator_rates_matrix(x[:n], p) @ x[n:] / ROUNDED) * FRICTION * volts
+        friction = effort * np.tanh(model.actuator_rates_matrix(x[:n], p) @ x[n:] / FRICTION_WIDTH) * FRICTION * volts
         motors = [tuple(motor.values())[1:] for motor in model.metadata["motors"].values()]
         for kind in dict.fromkeys(motors):
             parts.append(sum(friction[:, [j]] for j, one in enumerate(motors) if one == kind))

@@ -252,6 +252,8 @@ def _loops(
 ) -> dict[str, tuple[ClosedLoop, float]]:
     """Closed loops of an experiment by controller, with their duration [s]."""
     if experiment is None:
+        if controllers is not None:
+            raise InputError("controllers", f"{controllers}", "stand in an experiment", "name the experiment, too")
         return {}
     loaded = load_experiment(experiment)
     chosen = [controllers] if isinstance(controllers, str) else list(() if controllers is None else controllers)

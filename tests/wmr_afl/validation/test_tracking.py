@@ -130,6 +130,7 @@ def test_a_planar_model_does_not_hold_where_a_wheel_lifts() -> None:
         ({"experiment": "track_car"}, "track_car is an experiment of car, not of type_2_0; name one of this robot"),
         ({"experiment": "track_type_2_0", "controllers": "smart"}, "unknown controller 'smart'; there is exact"),
         ({"experiment": "nowhere"}, "'nowhere'"),
+        ({"controllers": "AFL"}, "controllers: AFL: stand in an experiment; name the experiment, too"),
         ({"space": True}, "type_2_0 does not stand: its centre of mass is not well within its wheels"),
         ({"height": 0.5}, "height: 0.5: is given without space"),
         ({"space": True, "height": -1.0}, "height: -1: is no height"),

@@ -20,8 +20,9 @@ from typing import Any
 
 import numpy as np
 
+from wmr_afl.model.wheel_loads import GRAVITY
 from wmr_afl.numerics.arrays import Floats
-from wmr_afl.validation.mechanism import GRAVITY, Mechanism, Wheel
+from wmr_afl.validation.mechanism import Mechanism, Wheel
 
 SAG = 0.05  # [m], of the spring that presses a wheel down
 LOAD_INERTIA = 30.0  # of a slide, times load/g: it hardly moves

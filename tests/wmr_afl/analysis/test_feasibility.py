@@ -17,6 +17,8 @@ from wmr_afl.analysis import feasibility
 from wmr_afl.analysis.feasibility import Demand, Doubt, _beyond, _jumps, _limits, _rate, demand
 from wmr_afl.cli import app
 from wmr_afl.experiments.experiment import find_experiment, read_experiment
+from wmr_afl.model.grip import FLOOR
+from wmr_afl.model.wheel_loads import GRAVITY
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.command_limits import CommandLimitsTable
 from wmr_afl.plant.input_limits import InputLimitsTable
@@ -51,6 +53,19 @@ def test_a_straight_line_needs_what_back_emf_takes(tmp_path: Path) -> None:
     p = dict(zip(model.parameter_units, model.parameters(), strict=True))
     for volts in found.volts.values():
         assert volts == pytest.approx(p["K2"] / p["K1"] * 0.3 / p["r"], rel=0.02)
+
+
+def test_a_circle_needs_what_turning_takes_of_friction(tmp_path: Path) -> None:
+    """v^2/R over gravity, to what the look-ahead and the driving forces change; beyond what a floor has it is told."""
+    radius = 20.0
+    for rate in (0.4, 0.8):
+        y1, y2 = f"{radius}*sin({rate}*t)", f"{radius} - {radius}*cos({rate}*t)"
+        found = demanded(tmp_path, f'expressions = {{ y1 = "{y1}", y2 = "{y2}" }}')
+        expected = radius * rate**2 / GRAVITY
+        assert max(found.friction.values()) == pytest.approx(expected, rel=0.1)
+        told = [doubt.what for doubt in found.doubts if "friction" in doubt.what]
+        assert len(told) == (2 if expected > FLOOR else 0)
+        assert all("would need a friction of up to 1.3" in what for what in told)
 
 
 def test_where_motors_have_less_is_told_with_the_times(tmp_path: Path) -> None:

@@ -56,7 +56,8 @@ def test_a_straight_line_needs_what_back_emf_takes(tmp_path: Path) -> None:
 
 
 def test_a_circle_driven_ever_faster_needs_more_friction_than_floors_have(tmp_path: Path) -> None:
-    """v^2/R over gravity, to what driving takes; the first wheel slips when that is more than a floor has."""
+    """Sideways v^2/R over gravity, along d/b of it, for the mass is ahead of the axle, and what driving takes."""
+    p = wmr_afl.load_model("type_2_0").metadata["defaults"]
     for faster, expected in ((0.1, 0), (0.4, 2)):  # [rad/s^2], on a circle of 1 m
         angle = f"(0.3*t + {0.5 * faster}*t**2)"
         found = demanded(tmp_path, f'expressions = {{ y1 = "sin{angle}", y2 = "1 - cos{angle}" }}')
@@ -64,7 +65,8 @@ def test_a_circle_driven_ever_faster_needs_more_friction_than_floors_have(tmp_pa
         assert [doubt.what[: doubt.what.index(" would")] for doubt in told] == ["wheel right", "wheel left"][:expected]
         if told:
             first = min(doubt.first for doubt in told)
-            assert (0.3 + faster * first) ** 2 / GRAVITY == pytest.approx(FLOOR, rel=0.1)
+            sideways = (0.3 + faster * first) ** 2 / GRAVITY
+            assert np.hypot(sideways, sideways * p["d"] / p["b"]) == pytest.approx(FLOOR, rel=0.15)
             assert min(found.friction.values()) > FLOOR
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 from math import isnan
 from pathlib import Path
@@ -29,6 +30,7 @@ from .description.resolve import read_robot
 from .description.robot import Robot
 from .mechanics.constraints import constraint_rows
 from .mechanics.dynamics import Dynamics, derive_dynamics
+from .mechanics.forces import FloorForces, floor_forces
 from .mechanics.kinematics import Kinematics
 from .mechanics.mobility import Mobility, classify
 from .mechanics.over_constraint import check_axles
@@ -90,6 +92,11 @@ class Derivation:
     def state_derivative(self) -> Matrix:
         """x' (15), (2n-m, 1)."""
         return Matrix([*self.kinematics.rates.values(), *self.dynamics.acceleration])
+
+    @cached_property
+    def forces(self) -> FloorForces:
+        """Forces of the floor on the wheels; asked for last, so that its names stand in no other function."""
+        return floor_forces(self.kinematics, self.dynamics, self.adaptive.accelerations)
 
     def at_defaults(self, expression: Expr) -> float:
         """The value of a function of the parameters at the default parameters."""

@@ -235,6 +235,16 @@ QUANTITIES = (
         "inverse_base_parameters", "p", "n_pi", "(14) inverted", "pi(p) of u = Y_u pi",
         _inverse(lambda inverse, form: Matrix(len(inverse.base_parameters), 1, list(inverse.base_parameters))),
     ),
+    Entry(
+        "constraint_forces", "x u a p", "m", "(7)",
+        "lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum",
+        lambda d: d.forces.constraint_forces,
+    ),
+    Entry(
+        "rolling_forces", "x u a p", "n_w", "(8), (9)",
+        "force of the floor on each wheel along its heading, or its rollers' axles, while v' = a",
+        lambda d: d.forces.rolling_forces,
+    ),
 )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ which is S^T M S and S^T M S' + S^T C S of (14), without the large matrices M(q)
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import sympy as sp
@@ -36,6 +37,16 @@ class Dynamics:
     acceleration: Matrix  # v'(x, u, w), (n-m, 1)
 
 
+@dataclass(frozen=True)
+class MovingFrame:
+    """All that is fixed to a frame, in velocities xi = J v along its own axes: M xi' + C xi = force."""
+
+    name: str
+    jacobian: Matrix  # J, (3, n-m): forward, lateral, turning
+    mass_matrix: Matrix  # M, (3, 3)
+    gyration: Matrix  # C, skew, (3, 3)
+
+
 def derive_dynamics(kinematics: Kinematics) -> Dynamics:
     """The dynamics of a robot with known kinematics.
 
@@ -45,22 +56,16 @@ def derive_dynamics(kinematics: Kinematics) -> Dynamics:
     robot, terms, v = kinematics.robot, kinematics.terms, Matrix(kinematics.v)
     inertia = sp.zeros(len(v), len(v))
     coriolis = sp.zeros(len(v), len(v))
-    for frame in robot.frames:
-        velocity = kinematics.velocities[frame.name]
-        if not _has_mass(robot, frame.name):
-            continue
-        mass, ahead, aside, turn_inertia = _mass_properties(robot, frame.name, velocity.point, terms)
-        jacobian = Matrix.vstack(*(form.row(v) for form in (velocity.forward, velocity.lateral, velocity.turning)))
-        turning = terms.name(f"{frame.name}_turning", (jacobian[2, :] * v)[0])
-        mass_matrix = Matrix([[mass, 0, -aside], [0, mass, ahead], [-aside, ahead, turn_inertia]])
-        gyration = turning * Matrix([[0, -mass, -ahead], [mass, 0, -aside], [ahead, aside, 0]])
-        inertia += jacobian.T * mass_matrix * jacobian
-        coriolis += jacobian.T * (mass_matrix * _rate(jacobian, kinematics) + gyration * jacobian)
+    for rigid in moving_frames(kinematics):
+        inertia += rigid.jacobian.T * rigid.mass_matrix * rigid.jacobian
+        coriolis += rigid.jacobian.T * (
+            rigid.mass_matrix * rate(rigid.jacobian, kinematics) + rigid.gyration * rigid.jacobian
+        )
     for wheel in robot.wheels:
         if wheel.spin_inertia != 0:
             spin = kinematics.wheel_rates[wheel.name].row(v)
             inertia += wheel.spin_inertia * spin.T * spin
-            coriolis += wheel.spin_inertia * spin.T * _rate(spin, kinematics)
+            coriolis += wheel.spin_inertia * spin.T * rate(spin, kinematics)
     rates_matrix = kinematics.actuator_rates_matrix
     gains = sp.diag(*(motor.torque_gain for motor in robot.motors))
     back_emf = sp.diag(*(motor.back_emf for motor in robot.motors))
@@ -92,7 +97,25 @@ def derive_dynamics(kinematics: Kinematics) -> Dynamics:
     )
 
 
-def _rate(matrix: Matrix, kinematics: Kinematics) -> Matrix:
+def moving_frames(kinematics: Kinematics) -> Iterator[MovingFrame]:
+    """The frames that carry a mass."""
+    robot, terms, v = kinematics.robot, kinematics.terms, Matrix(kinematics.v)
+    for frame in robot.frames:
+        if not _has_mass(robot, frame.name):
+            continue
+        velocity = kinematics.velocities[frame.name]
+        mass, ahead, aside, turn_inertia = _mass_properties(robot, frame.name, velocity.point, terms)
+        jacobian = velocity.rows(v)
+        turning = terms.name(f"{frame.name}_turning", (jacobian[2, :] * v)[0])
+        yield MovingFrame(
+            name=frame.name,
+            jacobian=jacobian,
+            mass_matrix=Matrix([[mass, 0, -aside], [0, mass, ahead], [-aside, ahead, turn_inertia]]),
+            gyration=turning * Matrix([[0, -mass, -ahead], [mass, 0, -aside], [ahead, aside, 0]]),
+        )
+
+
+def rate(matrix: Matrix, kinematics: Kinematics) -> Matrix:
     """The rate of change of `matrix` along q' = S v."""
     return matrix.applyfunc(lambda entry: kinematics.terms.rate(entry, kinematics.rates))
 

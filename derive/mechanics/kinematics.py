@@ -96,6 +96,19 @@ class Kinematics:
         return stacked([side for rate in rates for side in (rate, Form() - rate)], list(self.v)) if rates else None
 
 
+@dataclass(frozen=True)
+class Slipping:
+    """Motion in which every constraint may be broken: forms in v and in the speeds s = A q', where s = 0 is no slip.
+
+    q' = S v + R s with [A; N] [R, S] = I, so that slip alone changes no pseudo-velocity.
+    """
+
+    slips: tuple[Symbol, ...]  # s, (m,), in the order of A's rows
+    velocities: dict[str, Velocity]  # of each frame
+    wheel_rates: dict[str, Form]  # spin of each wheel [rad/s]
+    joint_rates: dict[str, Form]  # rate of each joint's angle [rad/s]
+
+
 def solve_kinematics(robot: Robot, pseudo_velocities: Mapping[Symbol, Form], constraints: Constraints) -> Kinematics:
     """The kinematics of `robot` in the given pseudo-velocities.
 
@@ -105,16 +118,7 @@ def solve_kinematics(robot: Robot, pseudo_velocities: Mapping[Symbol, Form], con
     declared = [s.name for s in (*robot.coordinates, *robot.parameters, *pseudo_velocities)]
     terms = Terms(reserved=[*declared, *(motor.input for motor in robot.motors)])
     tree = TreeMotion(robot, terms, frozenset(pseudo_velocities))
-    tree.elimination.add(
-        Equation(Form(row), constraint_origin(index), is_constraint=True) for index, row in enumerate(robot.constraints)
-    )
-    tree.elimination.add(
-        Equation(form - Form({v: sp.S.One}), f"pseudo-velocity {v.name!r}", is_constraint=False)
-        for v, form in pseudo_velocities.items()
-    )
-    for frame in robot.frames:
-        tree.grow(frame)
-    tree.finish()
+    _solve(tree, pseudo_velocities)
     named = tree.elimination.named
     rates = {q: named(f"{q.name}_dot", Form({robot.rate(q): sp.S.One})) for q in robot.coordinates}
     kept = [origin for origin in constraints.rows if origin in tree.elimination.independent]
@@ -125,18 +129,50 @@ def solve_kinematics(robot: Robot, pseudo_velocities: Mapping[Symbol, Form], con
         constraint_matrix=stacked([constraints.rows[o] for o in kept], [robot.rate(q) for q in robot.coordinates]),
         kinematic_matrix=stacked(list(rates.values()), list(pseudo_velocities)),
         velocities=tree.velocities,
-        wheel_rates={
-            wheel.name: named(
-                f"{wheel.name}_rate", rolling_rate(wheel, tree.velocities[wheel.frame]).map(robot.constants.exact)
-            )
-            for wheel in robot.wheels
-        },
-        joint_rates={
-            frame.name: named(f"{frame.name}_rate", rate_of(frame.angle, rates))
-            for frame in robot.frames
-            if frame.parent is not None
-        },
+        wheel_rates=_wheel_rates(tree),
+        joint_rates=_joint_rates(tree),
         kept=kept,
         dropped=tree.elimination.dependent,
         divisors=tree.elimination.divisors,
     )
+
+
+def solve_slipping(kinematics: Kinematics) -> Slipping:
+    """How the same robot moves while its constraints are broken."""
+    terms, robot = kinematics.terms, kinematics.robot
+    slips = {origin: terms.fresh(f"slip_{number}") for number, origin in enumerate(kinematics.kept, 1)}
+    tree = TreeMotion(robot, terms, frozenset([*kinematics.v, *slips.values()]), slips)
+    _solve(tree, kinematics.pseudo_velocities)
+    return Slipping(tuple(slips.values()), tree.velocities, _wheel_rates(tree), _joint_rates(tree))
+
+
+def _solve(tree: TreeMotion, pseudo_velocities: Mapping[Symbol, Form]) -> None:
+    """Everything that moves, in the pseudo-velocities.
+
+    Raises:
+        NotSolvable: If they do not describe the motion that the constraints leave.
+    """
+    for index, row in enumerate(tree.robot.constraints):
+        tree.constrain(Form(row), constraint_origin(index))
+    tree.elimination.add(
+        Equation(form - Form({v: sp.S.One}), f"pseudo-velocity {v.name!r}", is_constraint=False)
+        for v, form in pseudo_velocities.items()
+    )
+    for frame in tree.robot.frames:
+        tree.grow(frame)
+    tree.finish()
+
+
+def _wheel_rates(tree: TreeMotion) -> dict[str, Form]:
+    named, exact = tree.elimination.named, tree.robot.constants.exact
+    return {
+        wheel.name: named(f"{wheel.name}_rate", rolling_rate(wheel, tree.velocities[wheel.frame]).map(exact))
+        for wheel in tree.robot.wheels
+    }
+
+
+def _joint_rates(tree: TreeMotion) -> dict[str, Form]:
+    robot, named = tree.robot, tree.elimination.named
+    rates = {q: named(f"{q.name}_dot", Form({robot.rate(q): sp.S.One})) for q in robot.coordinates}
+    hung = [frame for frame in robot.frames if frame.parent is not None]
+    return {frame.name: named(f"{frame.name}_rate", rate_of(frame.angle, rates)) for frame in hung}

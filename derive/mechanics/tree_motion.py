@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
 import sympy as sp
@@ -23,8 +24,11 @@ class TreeMotion:
     depends on the root's heading, and a trailer's no-slip condition gives its turning rate at once.
     """
 
-    def __init__(self, robot: Robot, terms: Terms, given: frozenset[Symbol]) -> None:
-        self.robot, self._exact = robot, robot.constants.exact
+    def __init__(
+        self, robot: Robot, terms: Terms, given: frozenset[Symbol], slips: Mapping[str, Symbol] | None = None
+    ) -> None:
+        """`slips`: speeds at which constraints are broken, by their origins; only these constraints are then made."""
+        self.robot, self._exact, self._slips = robot, robot.constants.exact, slips
         coordinates = set(robot.coordinates)
         self.elimination = Elimination(terms, given, lambda e: terms.atoms(e).isdisjoint(coordinates))
         self.rates = {q: Form({robot.rate(q): sp.S.One}) for q in robot.coordinates}
@@ -38,12 +42,18 @@ class TreeMotion:
         if rolling:  # at the axle, where the lateral speed will be zero
             x, y = map(self._exact, _foot_on_axle(rolling[0]))
             velocity = velocity.moved((shortest(x), shortest(y)))
-        self.elimination.add(
-            Equation(side_slip(wheel, velocity).map(self._exact), slip_origin(wheel.name), is_constraint=True)
-            for wheel in rolling
-        )
+        for wheel in rolling:
+            self.constrain(side_slip(wheel, velocity).map(self._exact), slip_origin(wheel.name))
         self.velocities[frame.name] = velocity
         self._reduce()
+
+    def constrain(self, form: Form, origin: str) -> None:
+        """Add the equation that a constraint makes: `form` vanishes, or is its speed of slip."""
+        if self._slips is None:
+            self.elimination.add([Equation(form, origin, is_constraint=True)])
+        elif origin in self._slips:
+            slip = Form({self._slips[origin]: sp.S.One})
+            self.elimination.add([Equation(form - slip, origin, is_constraint=False)])
 
     def finish(self) -> None:
         """Solve what no frame's velocity contains.

@@ -69,6 +69,10 @@ class Velocity:
             self.point,
         )
 
+    def rows(self, symbols: Iterable[Symbol]) -> sp.Matrix:
+        """The coefficients of forward, lateral and turning as rows over `symbols`."""
+        return sp.Matrix.vstack(*(form.row(symbols) for form in (self.forward, self.lateral, self.turning)))
+
     def symbols(self) -> set[Symbol]:
         return {*self.forward, *self.lateral, *self.turning}
 

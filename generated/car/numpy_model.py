@@ -1001,3 +1001,87 @@ def inverse_base_parameters(p):
     out[4] = I_f*K1_s_inverse
     out[5] = K1_s_inverse*K2_s
     return out
+
+
+@_function(x=6, u=2, a=2, p=16)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (16,)
+    Returns: shape (m,) = (2,); 75 operations.
+    """
+    beta, v, sigma = x[3], x[4], x[5]
+    a_v, a_sigma = a[0], a[1]
+    r, a_, d, m, m_r, m_f, I, I_r, I_f, J_f = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8], p[9], p[11]
+    a_inverse = 1/a_
+    sin_beta = sin(beta)
+    cos_beta = cos(beta)
+    axle_turning_slip_2 = a_inverse/cos_beta
+    axle_turning_v = axle_turning_slip_2*sin_beta
+    axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
+    body_turning_dot = a_v*axle_turning_v + axle_turning_v_dot*v
+    axle_turning_dot = a_sigma + body_turning_dot
+    I_f_times_axle_turning_dot = I_f*axle_turning_dot
+    d_times_m = d*m
+    axle_turning_v_times_v_squared = axle_turning_v*v**2
+    mass_body = m + m_r
+    body_lateral_force = body_turning_dot*d_times_m + mass_body*axle_turning_v_times_v_squared
+    inertia_body = I + I_r + d**2*m
+    body_turning_force = body_turning_dot*inertia_body + d_times_m*axle_turning_v_times_v_squared
+    a_times_sin_beta = a_*sin_beta
+    axle_forward_slip_2 = axle_turning_slip_2*a_times_sin_beta
+    axle_lateral_slip_2 = a_*axle_turning_slip_2*cos_beta
+    r_inverse = 1/r
+    front_rate_slip_2 = axle_forward_slip_2*r_inverse
+    a_times_axle_turning_v = a_*axle_turning_v
+    axle_forward_v = cos_beta + sin_beta*a_times_axle_turning_v
+    front_rate_v = axle_forward_v*r_inverse
+    axle_forward_v_dot = axle_turning_v_dot*a_times_sin_beta + sigma*(cos_beta*a_times_axle_turning_v - sin_beta)
+    front_rate_v_dot = axle_forward_v_dot*r_inverse
+    front_force_along = -J_f*r_inverse*(a_v*front_rate_v + front_rate_v_dot*v)
+    axle_forward_dot = a_v*axle_forward_v + axle_forward_v_dot*v
+    axle_turning = axle_turning_v*v + sigma
+    axle_lateral_force = axle_forward_v*axle_turning*m_f*v
+    out = _zeros((2,), x, u, a, p)
+    out[0] = -a_inverse*body_turning_force - a_inverse*I_f_times_axle_turning_dot + body_lateral_force
+    out[1] = (
+        axle_forward_dot*axle_forward_slip_2*m_f + axle_lateral_force*axle_lateral_slip_2
+        + axle_turning_slip_2*body_turning_force + axle_turning_slip_2*I_f_times_axle_turning_dot
+        - front_force_along*front_rate_slip_2*r
+    )
+    return out
+
+
+@_function(x=6, u=2, a=2, p=16)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (16,)
+    Returns: shape (n_w,) = (2,); 37 operations.
+    """
+    beta, v, sigma = x[3], x[4], x[5]
+    u_drive = u[0]
+    a_v = a[0]
+    r, a_, J_r, J_f, K1, K2 = p[0], p[1], p[10], p[11], p[12], p[13]
+    r_inverse = 1/r
+    rear_torque = K1*u_drive - K2*r_inverse*v
+    sin_beta = sin(beta)
+    cos_beta = cos(beta)
+    a_inverse = 1/a_
+    axle_turning_v = a_inverse*sin_beta/cos_beta
+    a_times_axle_turning_v = a_*axle_turning_v
+    axle_forward_v = cos_beta + sin_beta*a_times_axle_turning_v
+    front_rate_v = axle_forward_v*r_inverse
+    axle_turning_v_dot = sigma*(a_inverse + a_inverse*sin_beta**2/cos_beta**2)
+    axle_forward_v_dot = a_*axle_turning_v_dot*sin_beta + sigma*(cos_beta*a_times_axle_turning_v - sin_beta)
+    front_rate_v_dot = axle_forward_v_dot*r_inverse
+    out = _zeros((2,), x, u, a, p)
+    out[0] = r_inverse*(-J_r*a_v*r_inverse + rear_torque)
+    out[1] = -J_f*r_inverse*(a_v*front_rate_v + front_rate_v_dot*v)
+    return out

@@ -982,3 +982,58 @@ def regressor(x, u, c):
     out[2, 12] = term_3
     out[2, 13] = -term_5
     return out
+
+
+@_function(x=6, u=4, a=3, p=11)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (4,)
+    a: accelerations v', (3,)
+    p: physical parameters, (11,)
+    Returns: shape (m,) = (0,); 0 operations.
+    """
+    out = _zeros((0,), x, u, a, p)
+    return out
+
+
+@_function(x=6, u=4, a=3, p=11)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (4,)
+    a: accelerations v', (3,)
+    p: physical parameters, (11,)
+    Returns: shape (n_w,) = (4,); 54 operations.
+    """
+    platform_forward, platform_lateral, platform_turning = x[3], x[4], x[5]
+    u_fl, u_fr, u_rl, u_rr = u[0], u[1], u[2], u[3]
+    a_platform_forward, a_platform_lateral, a_platform_turning = a[0], a[1], a[2]
+    r, a_, b, J, K1, K2 = p[0], p[1], p[2], p[8], p[9], p[10]
+    r_inverse = 1/r
+    term_1 = sqrt(2)
+    term_2 = r_inverse*term_1
+    a_platform_lateral_over_r = a_platform_lateral*r_inverse
+    term_3 = term_1/2
+    term_4 = a_*term_3 + b*term_3
+    a_platform_forward_over_r = a_platform_forward*r_inverse
+    term_5 = a_platform_turning*term_2
+    term_6 = -term_5*term_4 + a_platform_forward_over_r
+    platform_lateral_over_r = platform_lateral*r_inverse
+    platform_forward_over_r = platform_forward*r_inverse
+    term_7 = platform_turning*term_2
+    term_8 = platform_forward_over_r - term_7*term_4
+    front_left_torque = K1*u_fl - K2*(-platform_lateral_over_r + term_8)
+    term_9 = term_5*term_4 + a_platform_forward_over_r
+    term_10 = platform_forward_over_r + term_7*term_4
+    front_right_torque = K1*u_fr - K2*(platform_lateral_over_r + term_10)
+    rear_left_torque = K1*u_rl - K2*(platform_lateral_over_r + term_8)
+    rear_right_torque = K1*u_rr - K2*(-platform_lateral_over_r + term_10)
+    out = _zeros((4,), x, u, a, p)
+    out[0] = term_2*(-J*(term_6 - a_platform_lateral_over_r) + front_left_torque)
+    out[1] = term_2*(-J*(term_9 + a_platform_lateral_over_r) + front_right_torque)
+    out[2] = term_2*(-J*(term_6 + a_platform_lateral_over_r) + rear_left_torque)
+    out[3] = term_2*(-J*(term_9 - a_platform_lateral_over_r) + rear_right_torque)
+    return out

@@ -1395,3 +1395,114 @@ def inverse_base_parameters(p):
     out[7] = b_inverse*term_3
     out[8] = coriolis_omega_omega*r_over_K1_over_b
     return out
+
+
+@_function(x=8, u=2, a=2, p=19)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (8,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (19,)
+    Returns: shape (m,) = (4,); 130 operations.
+    """
+    beta1, beta2, beta3, v, omega = x[3], x[4], x[5], x[6], x[7]
+    a_v, a_omega = a[0], a[1]
+    d, m_C, m_w, d_1, m_1, I_1, d_2, m_2, I_2, d_3, m_3, I_3 = (
+        p[2], p[4], p[5], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16]
+    )
+    sin_beta2 = sin(beta2)
+    cos_beta3 = cos(beta3)
+    d_1_inverse = 1/d_1
+    cos_beta1 = cos(beta1)
+    d_2_inverse = 1/d_2
+    sin_beta2_over_d_2 = d_2_inverse*sin_beta2
+    trailer_2_turning_v = -cos_beta1*sin_beta2_over_d_2
+    sin_beta1 = sin(beta1)
+    trailer_1_turning_v = -d_1_inverse*sin_beta1
+    beta2_dot_v = -trailer_1_turning_v + trailer_2_turning_v
+    term_1 = beta2_dot_v*cos_beta1*v
+    beta1_dot = -omega + trailer_1_turning_v*v
+    trailer_2_turning_v_by_beta1 = sin_beta1*sin_beta2_over_d_2
+    cos_beta2 = cos(beta2)
+    trailer_2_turning_slip_1 = cos_beta2*d_2_inverse
+    trailer_2_turning_v_dot = beta1_dot*trailer_2_turning_v_by_beta1 - term_1*trailer_2_turning_slip_1
+    trailer_2_turning_dot = a_v*trailer_2_turning_v + trailer_2_turning_v_dot*v
+    term_2 = I_2*trailer_2_turning_dot
+    sin_beta3 = sin(beta3)
+    d_3_inverse = 1/d_3
+    sin_beta3_over_d_3 = d_3_inverse*sin_beta3
+    cos_beta1_times_cos_beta2 = cos_beta1*cos_beta2
+    trailer_3_turning_v = -sin_beta3_over_d_3*cos_beta1_times_cos_beta2
+    beta3_dot_v = -trailer_2_turning_v + trailer_3_turning_v
+    trailer_2_forward = cos_beta1_times_cos_beta2*v
+    term_3 = beta3_dot_v*trailer_2_forward
+    beta1_dot_times_sin_beta1 = beta1_dot*sin_beta1
+    term_4 = cos_beta2*beta1_dot_times_sin_beta1
+    trailer_3_turning_slip_1 = -sin_beta2*sin_beta3_over_d_3
+    trailer_3_turning_slip_2 = cos_beta3*d_3_inverse
+    trailer_3_turning_v_dot = (
+        term_4*sin_beta3_over_d_3 - trailer_3_turning_slip_1*term_1 - term_3*trailer_3_turning_slip_2
+    )
+    trailer_3_turning_dot = a_v*trailer_3_turning_v + trailer_3_turning_v_dot*v
+    term_5 = I_3*trailer_3_turning_dot
+    term_6 = sin_beta2*term_1
+    a_v_times_cos_beta1 = a_v*cos_beta1
+    trailer_2_forward_dot = cos_beta2*a_v_times_cos_beta1 + v*(-term_4 - term_6)
+    term_7 = m_2*trailer_2_forward_dot
+    cos_beta2_times_cos_beta3 = cos_beta2*cos_beta3
+    trailer_3_forward_v = cos_beta1*cos_beta2_times_cos_beta3
+    trailer_3_forward_v_dot_by_omega = sin_beta1*cos_beta2_times_cos_beta3
+    trailer_3_forward_v_dot = -beta1_dot*trailer_3_forward_v_dot_by_omega - cos_beta3*term_6 - sin_beta3*term_3
+    trailer_3_forward_dot = a_v*trailer_3_forward_v + trailer_3_forward_v_dot*v
+    term_8 = m_3*trailer_3_forward_dot
+    trailer_1_turning_v_dot_by_omega = cos_beta1*d_1_inverse
+    trailer_1_turning_v_dot = -beta1_dot*trailer_1_turning_v_dot_by_omega
+    trailer_1_turning_dot = a_v*trailer_1_turning_v + trailer_1_turning_v_dot*v
+    term_9 = I_1*trailer_1_turning_dot
+    v_squared = v**2
+    trailer_1_lateral_force = cos_beta1*m_1*trailer_1_turning_v*v_squared
+    trailer_2_lateral_force = m_2*trailer_2_forward*trailer_2_turning_v*v
+    trailer_3_lateral_force = m_3*trailer_3_forward_v*trailer_3_turning_v*v_squared
+    cos_beta2_times_sin_beta1 = cos_beta2*sin_beta1
+    trailer_3_turning_v_by_beta1 = cos_beta2_times_sin_beta1*sin_beta3_over_d_3
+    mass_tractor = m_C + 2*m_w
+    tractor_lateral_force = a_omega*d*m_C + mass_tractor*omega*v
+    trailer_1_forward_dot = -beta1_dot_times_sin_beta1*v + a_v_times_cos_beta1
+    out = _zeros((4,), x, u, a, p)
+    out[0] = (
+        cos_beta3*sin_beta2*term_8 - d_1_inverse*term_9 + sin_beta2*term_7 + term_5*trailer_3_turning_slip_1
+        + term_2*trailer_2_turning_slip_1 + trailer_1_lateral_force
+    )
+    out[1] = -d_2_inverse*term_2 + sin_beta3*term_8 + term_5*trailer_3_turning_slip_2 + trailer_2_lateral_force
+    out[2] = -d_3_inverse*term_5 + trailer_3_lateral_force
+    out[3] = (
+        m_1*sin_beta1*trailer_1_forward_dot - term_5*trailer_3_turning_v_by_beta1 + term_7*cos_beta2_times_sin_beta1
+        + term_8*trailer_3_forward_v_dot_by_omega + term_9*trailer_1_turning_v_dot_by_omega
+        - term_2*trailer_2_turning_v_by_beta1 + tractor_lateral_force
+    )
+    return out
+
+
+@_function(x=8, u=2, a=2, p=19)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (8,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (19,)
+    Returns: shape (n_w,) = (5,); 15 operations.
+    """
+    v, omega = x[6], x[7]
+    u_r, u_l = u[0], u[1]
+    r, b, K1, K2 = p[0], p[1], p[17], p[18]
+    r_inverse = 1/r
+    term_1 = b*omega*r_inverse
+    right_torque = K1*u_r - K2*(r_inverse*v + term_1)
+    left_torque = K1*u_l - K2*(r_inverse*v - term_1)
+    out = _zeros((5,), x, u, a, p)
+    out[3] = r_inverse*right_torque
+    out[4] = left_torque*r_inverse
+    return out

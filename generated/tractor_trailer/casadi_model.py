@@ -1201,3 +1201,78 @@ def inverse_base_parameters(p):
     out[8] = -b_inverse*term_7 + b_inverse*term_6
     out[9] = b*term_4
     return out
+
+
+@_function(x=6, u=2, a=2, p=16)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (16,)
+    Returns: shape (m,) = (2,); 70 operations.
+    """
+    beta, v, omega = x[3], x[4], x[5]
+    a_v, a_omega = a[0], a[1]
+    d, m_C, m_w, e, d_t, s_t, b_t, m_t, I_t = p[2], p[4], p[5], p[8], p[9], p[10], p[11], p[12], p[13]
+    d_t_inverse = 1/d_t
+    m_t_times_s_t = m_t*s_t
+    sin_beta = sin(beta)
+    sin_beta_over_d_t = d_t_inverse*sin_beta
+    trailer_turning_v = -sin_beta_over_d_t
+    trailer_turning_v_times_v = trailer_turning_v*v
+    cos_beta = cos(beta)
+    trailer_turning_slip_2 = cos_beta*d_t_inverse
+    trailer_turning_omega = -e*trailer_turning_slip_2
+    trailer_turning = omega*trailer_turning_omega + trailer_turning_v_times_v
+    e_times_sin_beta = e*sin_beta
+    trailer_forward = cos_beta*v - omega*e_times_sin_beta
+    term_1 = trailer_forward*trailer_turning
+    term_2 = 2*m_w
+    mass_trailer = m_t + term_2
+    beta_dot_omega = trailer_turning_omega - 1
+    beta_dot = beta_dot_omega*omega + trailer_turning_v_times_v
+    trailer_turning_v_dot = -beta_dot*trailer_turning_slip_2
+    beta_dot_times_e = beta_dot*e
+    trailer_turning_omega_dot = sin_beta_over_d_t*beta_dot_times_e
+    trailer_turning_dot = (
+        a_omega*trailer_turning_omega + a_v*trailer_turning_v + omega*trailer_turning_omega_dot
+        + trailer_turning_v_dot*v
+    )
+    trailer_lateral_force = mass_trailer*term_1 + m_t_times_s_t*trailer_turning_dot
+    inertia_trailer = I_t + b_t**2*term_2 + m_t*s_t**2
+    trailer_turning_force = inertia_trailer*trailer_turning_dot + m_t_times_s_t*term_1
+    mass_tractor = m_C + term_2
+    tractor_lateral_force = a_omega*d*m_C + mass_tractor*omega*v
+    trailer_forward_dot = (
+        -a_omega*e_times_sin_beta + a_v*cos_beta - beta_dot*sin_beta*v - cos_beta*omega*beta_dot_times_e
+    )
+    trailer_forward_force = mass_trailer*trailer_forward_dot - m_t_times_s_t*trailer_turning**2
+    out = _zeros((2,), x, u, a, p)
+    out[0] = -d_t_inverse*trailer_turning_force + trailer_lateral_force
+    out[1] = sin_beta*trailer_forward_force + tractor_lateral_force + trailer_turning_force*trailer_turning_slip_2
+    return out
+
+
+@_function(x=6, u=2, a=2, p=16)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (16,)
+    Returns: shape (n_w,) = (4,); 15 operations.
+    """
+    v, omega = x[4], x[5]
+    u_r, u_l = u[0], u[1]
+    r, b, K1, K2 = p[0], p[1], p[14], p[15]
+    r_inverse = 1/r
+    term_1 = b*omega*r_inverse
+    right_torque = K1*u_r - K2*(r_inverse*v + term_1)
+    left_torque = K1*u_l - K2*(r_inverse*v - term_1)
+    out = _zeros((4,), x, u, a, p)
+    out[2] = r_inverse*right_torque
+    out[3] = left_torque*r_inverse
+    return out

@@ -1043,3 +1043,114 @@ def inverse_base_parameters(p):
     out[4] = I_f*K1_s_inverse
     out[5] = K1_s_inverse*K2_s
     return out
+
+
+@_function(x=6, u=2, a=2, p=17)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (17,)
+    Returns: shape (m,) = (2,); 98 operations.
+    """
+    beta, fork_forward, beta_rate = x[3], x[4], x[5]
+    a_fork_forward, a_beta_rate = a[0], a[1]
+    r_r, a_, b, d, m, m_f, m_r, I, I_f, J_r = p[1], p[2], p[3], p[4], p[6], p[7], p[8], p[9], p[10], p[12]
+    a_inverse = 1/a_
+    sin_beta = sin(beta)
+    fork_turning_fork_forward = a_inverse*sin_beta
+    cos_beta = cos(beta)
+    fork_turning_fork_forward_by_beta = a_inverse*cos_beta
+    fork_turning_fork_forward_dot = beta_rate*fork_turning_fork_forward_by_beta
+    body_turning_dot = a_fork_forward*fork_turning_fork_forward + fork_forward*fork_turning_fork_forward_dot
+    fork_turning_dot = a_beta_rate + body_turning_dot
+    I_f_times_fork_turning_dot = I_f*fork_turning_dot
+    r_r_inverse = 1/r_r
+    J_r_over_r_r = J_r*r_r_inverse
+    term_1 = b*fork_turning_fork_forward
+    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_1)
+    term_2 = b*fork_turning_fork_forward_dot*r_r_inverse
+    beta_rate_times_sin_beta = beta_rate*sin_beta
+    term_3 = r_r_inverse*beta_rate_times_sin_beta
+    rear_left_rate_fork_forward_dot = -term_2 - term_3
+    rear_left_force_along = (
+        -J_r_over_r_r*(a_fork_forward*rear_left_rate_fork_forward + fork_forward*rear_left_rate_fork_forward_dot)
+    )
+    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_1)
+    rear_right_rate_fork_forward_dot = term_2 - term_3
+    rear_right_force_along = (
+        -J_r_over_r_r*(a_fork_forward*rear_right_rate_fork_forward + fork_forward*rear_right_rate_fork_forward_dot)
+    )
+    fork_forward_squared = fork_forward**2
+    d_times_m = d*m
+    term_4 = cos_beta*fork_turning_fork_forward
+    term_5 = 2*m_r
+    mass_body = m + term_5
+    body_lateral_force = body_turning_dot*d_times_m + fork_forward_squared*mass_body*term_4
+    term_6 = fork_forward_squared*d_times_m
+    inertia_body = I + b**2*term_5 + d**2*m
+    body_turning_force = body_turning_dot*inertia_body + term_4*term_6
+    fork_lateral_slip_2 = a_*cos_beta*fork_turning_fork_forward_by_beta + sin_beta**2
+    term_7 = b*fork_turning_fork_forward_by_beta
+    rear_left_rate_slip_2 = r_r_inverse*(-sin_beta - term_7)
+    rear_right_rate_slip_2 = r_r_inverse*(-sin_beta + term_7)
+    body_forward_dot = a_fork_forward*cos_beta - fork_forward*beta_rate_times_sin_beta
+    body_forward_force = body_forward_dot*mass_body - fork_turning_fork_forward**2*term_6
+    fork_turning = beta_rate + fork_forward*fork_turning_fork_forward
+    fork_lateral_force = fork_forward*fork_turning*m_f
+    out = _zeros((2,), x, u, a, p)
+    out[0] = (
+        -a_inverse*b*rear_left_force_along + a_inverse*b*rear_right_force_along - a_inverse*body_turning_force
+        - a_inverse*I_f_times_fork_turning_dot + body_lateral_force
+    )
+    out[1] = (
+        -body_forward_force*sin_beta + body_turning_force*fork_turning_fork_forward_by_beta
+        + fork_lateral_force*fork_lateral_slip_2 + fork_turning_fork_forward_by_beta*I_f_times_fork_turning_dot
+        - r_r*rear_left_force_along*rear_left_rate_slip_2 - r_r*rear_right_force_along*rear_right_rate_slip_2
+    )
+    return out
+
+
+@_function(x=6, u=2, a=2, p=17)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (17,)
+    Returns: shape (n_w,) = (3,); 39 operations.
+    """
+    beta, fork_forward, beta_rate = x[3], x[4], x[5]
+    u_drive = u[0]
+    a_fork_forward = a[0]
+    r, r_r, a_, b, J_f, J_r, K1, K2 = p[0], p[1], p[2], p[3], p[11], p[12], p[13], p[14]
+    r_r_inverse = 1/r_r
+    J_r_over_r_r = J_r*r_r_inverse
+    cos_beta = cos(beta)
+    sin_beta = sin(beta)
+    a_inverse = 1/a_
+    fork_turning_fork_forward = a_inverse*sin_beta
+    term_1 = b*fork_turning_fork_forward
+    rear_left_rate_fork_forward = r_r_inverse*(cos_beta - term_1)
+    fork_turning_fork_forward_dot = a_inverse*beta_rate*cos_beta
+    term_2 = b*fork_turning_fork_forward_dot*r_r_inverse
+    term_3 = beta_rate*r_r_inverse*sin_beta
+    rear_left_rate_fork_forward_dot = -term_2 - term_3
+    rear_left_force_along = (
+        -J_r_over_r_r*(a_fork_forward*rear_left_rate_fork_forward + fork_forward*rear_left_rate_fork_forward_dot)
+    )
+    rear_right_rate_fork_forward = r_r_inverse*(cos_beta + term_1)
+    rear_right_rate_fork_forward_dot = term_2 - term_3
+    rear_right_force_along = (
+        -J_r_over_r_r*(a_fork_forward*rear_right_rate_fork_forward + fork_forward*rear_right_rate_fork_forward_dot)
+    )
+    r_inverse = 1/r
+    front_torque = K1*u_drive - K2*fork_forward*r_inverse
+    out = _zeros((3,), x, u, a, p)
+    out[0] = rear_left_force_along
+    out[1] = rear_right_force_along
+    out[2] = r_inverse*(-J_f*a_fork_forward*r_inverse + front_torque)
+    return out

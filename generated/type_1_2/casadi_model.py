@@ -1512,3 +1512,170 @@ def inverse_base_parameters(p):
     out[5] = I_w*K1_s_inverse
     out[6] = K1_s_inverse*K2_s
     return out
+
+
+@_function(x=8, u=3, a=3, p=13)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (8,)
+    u: motor voltages, (3,)
+    a: accelerations v', (3,)
+    p: physical parameters, (13,)
+    Returns: shape (m,) = (2,); 165 operations.
+    """
+    beta1, beta2, front_forward, beta1_rate, beta2_rate = x[3], x[4], x[5], x[6], x[7]
+    a_front_forward, a_beta1_rate, a_beta2_rate = a[0], a[1], a[2]
+    r, a_, d, m, m_w, I, I_w, J = p[0], p[1], p[2], p[4], p[5], p[6], p[7], p[8]
+    sin_beta1 = sin(beta1)
+    a_inverse = 1/a_
+    cos_beta2 = cos(beta2)
+    platform_lateral_slip_2 = 1/(2*cos_beta2)
+    platform_lateral_slip_2_over_a = a_inverse*platform_lateral_slip_2
+    rear_turning_front_forward_by_beta1 = cos(beta1 - beta2)*platform_lateral_slip_2_over_a
+    term_1 = I_w*rear_turning_front_forward_by_beta1
+    sin_beta2 = sin(beta2)
+    cos_beta1 = cos(beta1)
+    sin_beta1_minus_beta2 = sin(beta1 - beta2)
+    rear_turning_front_forward = sin_beta1_minus_beta2*platform_lateral_slip_2_over_a
+    term_2 = a_*rear_turning_front_forward
+    sin_beta1_beta2 = sin(beta1 + beta2)
+    platform_lateral_front_forward = platform_lateral_slip_2*sin_beta1_beta2
+    rear_forward_front_forward = cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2 - sin_beta2*term_2
+    a_times_sin_beta2 = a_*sin_beta2
+    cos_beta2_times_sin_beta1 = cos_beta2*sin_beta1
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
+    platform_lateral_front_forward_by_beta1 = cos(beta1 + beta2)*platform_lateral_slip_2
+    platform_lateral_front_forward_dot = (
+        beta1_rate*platform_lateral_front_forward_by_beta1
+        + beta2_rate*(platform_lateral_front_forward_by_beta1 + sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2)
+    )
+    rear_turning_front_forward_dot = (
+        beta1_rate*rear_turning_front_forward_by_beta1
+        + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2
+        - rear_turning_front_forward_by_beta1)
+    )
+    rear_forward_front_forward_dot = (
+        -beta1_rate*cos_beta2_times_sin_beta1
+        + beta2_rate*(-cos_beta1*sin_beta2 + cos_beta2*platform_lateral_front_forward - cos_beta2*term_2)
+        + platform_lateral_front_forward_dot*sin_beta2 - rear_turning_front_forward_dot*a_times_sin_beta2
+    )
+    rear_forward_dot = a_front_forward*rear_forward_front_forward + front_forward*rear_forward_front_forward_dot
+    m_w_times_rear_forward_dot = m_w*rear_forward_dot
+    r_inverse = 1/r
+    rear_wheel_rate_front_forward = r_inverse*rear_forward_front_forward
+    rear_wheel_rate_front_forward_dot = r_inverse*rear_forward_front_forward_dot
+    rear_wheel_force_along = (
+        -J*r_inverse*(a_front_forward*rear_wheel_rate_front_forward + front_forward*rear_wheel_rate_front_forward_dot)
+    )
+    r_times_rear_wheel_force_along = r*rear_wheel_force_along
+    rear_forward_front_forward_by_beta1 = (
+        platform_lateral_front_forward_by_beta1*sin_beta2 - rear_turning_front_forward_by_beta1*a_times_sin_beta2
+        - cos_beta2_times_sin_beta1
+    )
+    rear_wheel_rate_front_forward_by_beta1 = r_inverse*rear_forward_front_forward_by_beta1
+    front_lateral_slip_1 = (
+        a_*cos_beta1*rear_turning_front_forward_by_beta1 + cos_beta1*platform_lateral_front_forward_by_beta1
+        + sin_beta1**2
+    )
+    front_forward_squared = front_forward**2
+    term_3 = front_forward_squared*m*rear_turning_front_forward
+    d_times_m = d*m
+    term_4 = front_forward_squared*d_times_m
+    platform_forward_dot = a_front_forward*cos_beta1 - beta1_rate*front_forward*sin_beta1
+    platform_forward_force = (
+        m*platform_forward_dot - platform_lateral_front_forward*term_3 - rear_turning_front_forward**2*term_4
+    )
+    platform_lateral_dot = (
+        a_front_forward*platform_lateral_front_forward + front_forward*platform_lateral_front_forward_dot
+    )
+    m_times_platform_lateral_dot = m*platform_lateral_dot
+    platform_turning_dot = a_front_forward*rear_turning_front_forward + front_forward*rear_turning_front_forward_dot
+    platform_lateral_force = cos_beta1*term_3 + platform_turning_dot*d_times_m + m_times_platform_lateral_dot
+    inertia_platform = I + d**2*m
+    platform_turning_force = (
+        cos_beta1*rear_turning_front_forward*term_4 + d*m_times_platform_lateral_dot
+        + inertia_platform*platform_turning_dot
+    )
+    front_turning_dot = a_beta1_rate + platform_turning_dot
+    front_forward_times_m_w = front_forward*m_w
+    term_5 = front_forward*rear_turning_front_forward
+    front_turning = beta1_rate + term_5
+    front_lateral_force = front_turning*front_forward_times_m_w
+    rear_turning_dot = a_beta2_rate + platform_turning_dot
+    rear_turning_slip_2 = -platform_lateral_slip_2_over_a
+    I_w_times_rear_turning_slip_2 = I_w*rear_turning_slip_2
+    rear_forward_slip_2 = platform_lateral_slip_2*sin_beta2 - rear_turning_slip_2*a_times_sin_beta2
+    rear_lateral_slip_2 = -a_*cos_beta2*rear_turning_slip_2 + cos_beta2*platform_lateral_slip_2
+    rear_wheel_rate_slip_2 = r_inverse*rear_forward_slip_2
+    rear_turning = beta2_rate + term_5
+    rear_lateral_force = rear_forward_front_forward*rear_turning*front_forward_times_m_w
+    out = _zeros((2,), x, u, a, p)
+    out[0] = (
+        front_lateral_force*front_lateral_slip_1 + front_turning_dot*term_1 - platform_forward_force*sin_beta1
+        + platform_lateral_force*platform_lateral_front_forward_by_beta1
+        + platform_turning_force*rear_turning_front_forward_by_beta1
+        + rear_forward_front_forward_by_beta1*m_w_times_rear_forward_dot + rear_turning_dot*term_1
+        - rear_wheel_rate_front_forward_by_beta1*r_times_rear_wheel_force_along
+    )
+    out[1] = (
+        front_turning_dot*I_w_times_rear_turning_slip_2 + platform_lateral_force*platform_lateral_slip_2
+        + platform_turning_force*rear_turning_slip_2 + rear_forward_slip_2*m_w_times_rear_forward_dot
+        + rear_lateral_force*rear_lateral_slip_2 + rear_turning_dot*I_w_times_rear_turning_slip_2
+        - rear_wheel_rate_slip_2*r_times_rear_wheel_force_along
+    )
+    return out
+
+
+@_function(x=8, u=3, a=3, p=13)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (8,)
+    u: motor voltages, (3,)
+    a: accelerations v', (3,)
+    p: physical parameters, (13,)
+    Returns: shape (n_w,) = (2,); 73 operations.
+    """
+    beta1, beta2, front_forward, beta1_rate, beta2_rate = x[3], x[4], x[5], x[6], x[7]
+    u_drive = u[0]
+    a_front_forward = a[0]
+    r, a_, J, K1, K2 = p[0], p[1], p[8], p[9], p[10]
+    r_inverse = 1/r
+    J_over_r = J*r_inverse
+    front_wheel_torque = K1*u_drive - K2*front_forward*r_inverse
+    sin_beta2 = sin(beta2)
+    cos_beta1 = cos(beta1)
+    cos_beta2 = cos(beta2)
+    sin_beta1_minus_beta2 = sin(beta1 - beta2)
+    term_1 = 1/(2*cos_beta2)
+    a_inverse = 1/a_
+    term_2 = a_inverse*term_1
+    rear_turning_front_forward = sin_beta1_minus_beta2*term_2
+    term_3 = a_*rear_turning_front_forward
+    sin_beta1_beta2 = sin(beta1 + beta2)
+    platform_lateral_front_forward = sin_beta1_beta2*term_1
+    rear_forward_front_forward = cos_beta1*cos_beta2 + platform_lateral_front_forward*sin_beta2 - sin_beta2*term_3
+    rear_wheel_rate_front_forward = r_inverse*rear_forward_front_forward
+    term_4 = cos(beta1 + beta2)*term_1
+    cos_beta2_squared_inverse = 1/(cos_beta2**2)
+    platform_lateral_front_forward_dot = (
+        beta1_rate*term_4 + beta2_rate*(sin_beta1_beta2*sin_beta2*cos_beta2_squared_inverse/2 + term_4)
+    )
+    term_5 = cos(beta1 - beta2)*term_2
+    rear_turning_front_forward_dot = (
+        beta1_rate*term_5 + beta2_rate*(a_inverse*sin_beta1_minus_beta2*sin_beta2*cos_beta2_squared_inverse/2 - term_5)
+    )
+    rear_forward_front_forward_dot = (
+        -a_*rear_turning_front_forward_dot*sin_beta2 - beta1_rate*cos_beta2*sin(beta1)
+        + beta2_rate*(-cos_beta1*sin_beta2 + cos_beta2*platform_lateral_front_forward - cos_beta2*term_3)
+        + platform_lateral_front_forward_dot*sin_beta2
+    )
+    rear_wheel_rate_front_forward_dot = r_inverse*rear_forward_front_forward_dot
+    rear_wheel_force_along = (
+        -J_over_r*(a_front_forward*rear_wheel_rate_front_forward + front_forward*rear_wheel_rate_front_forward_dot)
+    )
+    out = _zeros((2,), x, u, a, p)
+    out[0] = r_inverse*(-a_front_forward*J_over_r + front_wheel_torque)
+    out[1] = rear_wheel_force_along
+    return out

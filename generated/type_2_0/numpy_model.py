@@ -786,3 +786,45 @@ def inverse_base_parameters(p):
     out[4] = b_inverse*term_2
     out[5] = coriolis_omega_omega*r_over_K1_over_b
     return out
+
+
+@_function(x=5, u=2, a=2, p=10)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (5,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (10,)
+    Returns: shape (m,) = (1,); 7 operations.
+    """
+    v, omega = x[3], x[4]
+    a_omega = a[1]
+    d, m_C, m_w = p[2], p[4], p[5]
+    mass_platform = m_C + 2*m_w
+    out = _zeros((1,), x, u, a, p)
+    out[0] = a_omega*d*m_C + mass_platform*omega*v
+    return out
+
+
+@_function(x=5, u=2, a=2, p=10)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (5,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (10,)
+    Returns: shape (n_w,) = (2,); 15 operations.
+    """
+    v, omega = x[3], x[4]
+    u_r, u_l = u[0], u[1]
+    r, b, K1, K2 = p[0], p[1], p[8], p[9]
+    r_inverse = 1/r
+    term_1 = b*omega*r_inverse
+    right_torque = K1*u_r - K2*(r_inverse*v + term_1)
+    left_torque = K1*u_l - K2*(r_inverse*v - term_1)
+    out = _zeros((2,), x, u, a, p)
+    out[0] = r_inverse*right_torque
+    out[1] = left_torque*r_inverse
+    return out

@@ -1350,3 +1350,102 @@ def inverse_base_parameters(p):
     out[8] = b_inverse*term_4
     out[9] = b*term_3
     return out
+
+
+@_function(x=6, u=2, a=2, p=17)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (17,)
+    Returns: shape (m,) = (2,); 74 operations.
+    """
+    beta, v, omega = x[3], x[4], x[5]
+    a_v, a_omega = a[0], a[1]
+    r_c, d, s, e, m_C, m_w, m_f, I_f, J_f = p[1], p[3], p[4], p[5], p[7], p[8], p[9], p[12], p[14]
+    sin_beta = sin(beta)
+    e_inverse = 1/e
+    caster_turning_v = -e_inverse*sin_beta
+    cos_beta = cos(beta)
+    caster_turning_slip_1 = cos_beta*e_inverse
+    caster_turning_omega = caster_turning_slip_1*s
+    caster_turning_v_times_v = caster_turning_v*v
+    beta_dot_omega = caster_turning_omega - 1
+    beta_dot = beta_dot_omega*omega + caster_turning_v_times_v
+    caster_turning_v_dot = -beta_dot*caster_turning_slip_1
+    beta_dot_times_s = beta_dot*s
+    caster_turning_omega_dot = caster_turning_v*beta_dot_times_s
+    caster_turning_dot = (
+        a_omega*caster_turning_omega + a_v*caster_turning_v + caster_turning_omega_dot*omega + caster_turning_v_dot*v
+    )
+    I_f_times_caster_turning_dot = I_f*caster_turning_dot
+    r_c_inverse = 1/r_c
+    caster_wheel_rate_slip_1 = r_c_inverse*sin_beta
+    caster_wheel_rate_v = cos_beta*r_c_inverse
+    caster_wheel_rate_omega = caster_wheel_rate_slip_1*s
+    caster_wheel_rate_v_dot = -beta_dot*caster_wheel_rate_slip_1
+    caster_wheel_rate_omega_dot = caster_wheel_rate_v*beta_dot_times_s
+    caster_wheel_force_along = (
+        -J_f*r_c_inverse*(a_omega*caster_wheel_rate_omega + a_v*caster_wheel_rate_v + caster_wheel_rate_omega_dot*omega
+        + caster_wheel_rate_v_dot*v)
+    )
+    mass_platform = m_C + 2*m_w
+    platform_lateral_force = a_omega*d*m_C + mass_platform*omega*v
+    s_times_sin_beta = s*sin_beta
+    caster_forward_dot = a_omega*s_times_sin_beta + a_v*cos_beta - beta_dot*sin_beta*v + cos_beta*omega*beta_dot_times_s
+    caster_turning = caster_turning_omega*omega + caster_turning_v_times_v
+    caster_forward = cos_beta*v + omega*s_times_sin_beta
+    caster_lateral_force = caster_forward*caster_turning*m_f
+    out = _zeros((2,), x, u, a, p)
+    out[0] = (
+        caster_forward_dot*m_f*sin_beta + caster_turning_slip_1*I_f_times_caster_turning_dot
+        - caster_wheel_force_along*caster_wheel_rate_slip_1*r_c + platform_lateral_force
+    )
+    out[1] = caster_lateral_force - e_inverse*I_f_times_caster_turning_dot
+    return out
+
+
+@_function(x=6, u=2, a=2, p=17)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (2,)
+    a: accelerations v', (2,)
+    p: physical parameters, (17,)
+    Returns: shape (n_w,) = (3,); 53 operations.
+    """
+    beta, v, omega = x[3], x[4], x[5]
+    u_r, u_l = u[0], u[1]
+    a_v, a_omega = a[0], a[1]
+    r, r_c, b, s, e, J_w, J_f, K1, K2 = p[0], p[1], p[2], p[4], p[5], p[13], p[14], p[15], p[16]
+    r_inverse = 1/r
+    b_over_r = b*r_inverse
+    a_omega_times_b_over_r = a_omega*b_over_r
+    omega_times_b_over_r = omega*b_over_r
+    right_torque = K1*u_r - K2*(r_inverse*v + omega_times_b_over_r)
+    left_torque = K1*u_l - K2*(r_inverse*v - omega_times_b_over_r)
+    r_c_inverse = 1/r_c
+    cos_beta = cos(beta)
+    caster_wheel_rate_v = cos_beta*r_c_inverse
+    sin_beta = sin(beta)
+    sin_beta_over_r_c = r_c_inverse*sin_beta
+    caster_wheel_rate_omega = s*sin_beta_over_r_c
+    e_inverse = 1/e
+    caster_turning_v = -e_inverse*sin_beta
+    caster_turning_omega = cos_beta*e_inverse*s
+    beta_dot_omega = caster_turning_omega - 1
+    beta_dot = beta_dot_omega*omega + caster_turning_v*v
+    caster_wheel_rate_v_dot = -beta_dot*sin_beta_over_r_c
+    caster_wheel_rate_omega_dot = beta_dot*caster_wheel_rate_v*s
+    caster_wheel_force_along = (
+        -J_f*r_c_inverse*(a_omega*caster_wheel_rate_omega + a_v*caster_wheel_rate_v + caster_wheel_rate_omega_dot*omega
+        + caster_wheel_rate_v_dot*v)
+    )
+    out = _zeros((3,), x, u, a, p)
+    out[0] = r_inverse*(-J_w*(a_v*r_inverse + a_omega_times_b_over_r) + right_torque)
+    out[1] = r_inverse*(-J_w*(a_v*r_inverse - a_omega_times_b_over_r) + left_torque)
+    out[2] = caster_wheel_force_along
+    return out

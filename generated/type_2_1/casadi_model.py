@@ -1716,3 +1716,127 @@ def inverse_base_parameters(p):
     out[6] = I_w*K1_s_inverse
     out[7] = K1_s_inverse*K2_s
     return out
+
+
+@_function(x=8, u=3, a=3, p=14)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (8,)
+    u: motor voltages, (3,)
+    a: accelerations v', (3,)
+    p: physical parameters, (14,)
+    Returns: shape (m,) = (2,); 114 operations.
+    """
+    beta, gamma, platform_turning, steer_forward, beta_rate = x[3], x[4], x[5], x[6], x[7]
+    u_caster = u[2]
+    a_platform_turning, a_steer_forward = a[0], a[1]
+    r, s, e, d, m, m_w, I_w, J, K1, K2 = p[0], p[1], p[2], p[3], p[5], p[6], p[8], p[9], p[10], p[11]
+    sin_beta = sin(beta)
+    cos_beta = cos(beta)
+    sin_beta_minus_gamma = sin(beta - gamma)
+    e_inverse = 1/e
+    caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
+    sin_gamma = sin(gamma)
+    s_over_e = e_inverse*s
+    caster_turning_platform_turning = -sin_gamma*s_over_e
+    cos_gamma = cos(gamma)
+    term_1 = caster_turning_steer_forward*steer_forward
+    gamma_dot_platform_turning = caster_turning_platform_turning - 1
+    gamma_dot = gamma_dot_platform_turning*platform_turning + term_1
+    caster_turning_platform_turning_dot = -cos_gamma*gamma_dot*s_over_e
+    cos_beta_minus_gamma = cos(beta - gamma)
+    caster_turning_steer_forward_by_beta = cos_beta_minus_gamma*e_inverse
+    caster_turning_steer_forward_dot = (
+        beta_rate*caster_turning_steer_forward_by_beta - caster_turning_steer_forward_by_beta*gamma_dot
+    )
+    caster_turning_dot = (
+        a_platform_turning*caster_turning_platform_turning + a_steer_forward*caster_turning_steer_forward
+        + caster_turning_platform_turning_dot*platform_turning + caster_turning_steer_forward_dot*steer_forward
+    )
+    I_w_times_caster_turning_dot = I_w*caster_turning_dot
+    r_inverse = 1/r
+    caster_wheel_rate_steer_forward_by_beta = -sin_beta_minus_gamma*r_inverse
+    caster_wheel_rate_steer_forward = cos_beta_minus_gamma*r_inverse
+    cos_gamma_times_s = cos_gamma*s
+    caster_wheel_rate_platform_turning = r_inverse*cos_gamma_times_s
+    term_2 = gamma_dot*s*sin_gamma
+    caster_wheel_rate_platform_turning_dot = -r_inverse*term_2
+    caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
+    caster_wheel_rate_steer_forward_dot = caster_forward_steer_forward_dot*r_inverse
+    caster_wheel_torque = (
+        K1*u_caster
+        - K2*(caster_wheel_rate_platform_turning*platform_turning + caster_wheel_rate_steer_forward*steer_forward)
+    )
+    caster_wheel_force_along = (
+        r_inverse*(-J*(a_platform_turning*caster_wheel_rate_platform_turning
+        + a_steer_forward*caster_wheel_rate_steer_forward + caster_wheel_rate_platform_turning_dot*platform_turning
+        + caster_wheel_rate_steer_forward_dot*steer_forward) + caster_wheel_torque)
+    )
+    d_times_m = d*m
+    term_3 = m*platform_turning*steer_forward
+    beta_rate_times_steer_forward = beta_rate*steer_forward
+    platform_forward_dot = a_steer_forward*cos_beta - sin_beta*beta_rate_times_steer_forward
+    platform_forward_force = a_platform_turning*d_times_m + m*platform_forward_dot - sin_beta*term_3
+    platform_lateral_dot = a_steer_forward*sin_beta + cos_beta*beta_rate_times_steer_forward
+    platform_lateral_force = cos_beta*term_3 + m*platform_lateral_dot + platform_turning**2*d_times_m
+    steer_turning = beta_rate + platform_turning
+    steer_lateral_force = m_w*steer_forward*steer_turning
+    caster_forward_dot = (
+        a_platform_turning*cos_gamma_times_s + a_steer_forward*cos_beta_minus_gamma
+        + caster_forward_steer_forward_dot*steer_forward - platform_turning*term_2
+    )
+    caster_turning = caster_turning_platform_turning*platform_turning + term_1
+    caster_forward = cos_beta_minus_gamma*steer_forward + platform_turning*cos_gamma_times_s
+    caster_lateral_force = caster_forward*caster_turning*m_w
+    out = _zeros((2,), x, u, a, p)
+    out[0] = (
+        -caster_forward_dot*sin_beta_minus_gamma*m_w + caster_turning_steer_forward_by_beta*I_w_times_caster_turning_dot
+        - caster_wheel_force_along*caster_wheel_rate_steer_forward_by_beta*r + cos_beta*platform_lateral_force
+        - platform_forward_force*sin_beta + steer_lateral_force
+    )
+    out[1] = caster_lateral_force - e_inverse*I_w_times_caster_turning_dot
+    return out
+
+
+@_function(x=8, u=3, a=3, p=14)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (8,)
+    u: motor voltages, (3,)
+    a: accelerations v', (3,)
+    p: physical parameters, (14,)
+    Returns: shape (n_w,) = (2,); 50 operations.
+    """
+    beta, gamma, platform_turning, steer_forward, beta_rate = x[3], x[4], x[5], x[6], x[7]
+    u_drive, u_caster = u[0], u[2]
+    a_platform_turning, a_steer_forward = a[0], a[1]
+    r, s, e, J, K1, K2 = p[0], p[1], p[2], p[9], p[10], p[11]
+    r_inverse = 1/r
+    steered_torque = K1*u_drive - K2*r_inverse*steer_forward
+    caster_wheel_rate_steer_forward = cos(beta - gamma)*r_inverse
+    caster_wheel_rate_platform_turning = cos(gamma)*r_inverse*s
+    term_1 = s*sin(gamma)
+    sin_beta_minus_gamma = sin(beta - gamma)
+    e_inverse = 1/e
+    caster_turning_steer_forward = e_inverse*sin_beta_minus_gamma
+    caster_turning_platform_turning = -e_inverse*term_1
+    gamma_dot_platform_turning = caster_turning_platform_turning - 1
+    gamma_dot = caster_turning_steer_forward*steer_forward + gamma_dot_platform_turning*platform_turning
+    caster_wheel_rate_platform_turning_dot = -gamma_dot*r_inverse*term_1
+    caster_forward_steer_forward_dot = -beta_rate*sin_beta_minus_gamma + gamma_dot*sin_beta_minus_gamma
+    caster_wheel_rate_steer_forward_dot = caster_forward_steer_forward_dot*r_inverse
+    caster_wheel_torque = (
+        K1*u_caster
+        - K2*(caster_wheel_rate_platform_turning*platform_turning + caster_wheel_rate_steer_forward*steer_forward)
+    )
+    caster_wheel_force_along = (
+        r_inverse*(-J*(a_platform_turning*caster_wheel_rate_platform_turning
+        + a_steer_forward*caster_wheel_rate_steer_forward + caster_wheel_rate_platform_turning_dot*platform_turning
+        + caster_wheel_rate_steer_forward_dot*steer_forward) + caster_wheel_torque)
+    )
+    out = _zeros((2,), x, u, a, p)
+    out[0] = r_inverse*(-J*a_steer_forward*r_inverse + steered_torque)
+    out[1] = caster_wheel_force_along
+    return out

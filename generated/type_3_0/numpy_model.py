@@ -1259,3 +1259,53 @@ def inverse_base_parameters(p):
     out[7] = inertia_platform_turning_platform_turning*r_over_K1_over_R
     out[8] = coriolis_platform_turning_platform_turning*r_over_K1_over_R
     return out
+
+
+@_function(x=6, u=3, a=3, p=11)
+def constraint_forces(x, u, a, p):
+    """lambda: force of the floor along each row of A while v' = a; of wheels that share a row, their sum; equation (7).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (3,)
+    a: accelerations v', (3,)
+    p: physical parameters, (11,)
+    Returns: shape (m,) = (0,); 0 operations.
+    """
+    out = _zeros((0,), x, u, a, p)
+    return out
+
+
+@_function(x=6, u=3, a=3, p=11)
+def rolling_forces(x, u, a, p):
+    """force of the floor on each wheel along its heading, or its rollers' axles, while v' = a; equations (8), (9).
+
+    x: state [q; v], (6,)
+    u: motor voltages, (3,)
+    a: accelerations v', (3,)
+    p: physical parameters, (11,)
+    Returns: shape (n_w,) = (3,); 46 operations.
+    """
+    platform_forward, platform_lateral, platform_turning = x[3], x[4], x[5]
+    u_1, u_2, u_3 = u[0], u[1], u[2]
+    a_platform_forward, a_platform_lateral, a_platform_turning = a[0], a[1], a[2]
+    r, R, J, K1, K2 = p[0], p[1], p[8], p[9], p[10]
+    r_inverse = 1/r
+    a_platform_lateral_over_r = a_platform_lateral*r_inverse
+    R_over_r = R*r_inverse
+    term_1 = a_platform_turning*R_over_r
+    platform_lateral_over_r = platform_lateral*r_inverse
+    term_2 = platform_turning*R_over_r
+    wheel_1_torque = K1*u_1 - K2*(platform_lateral_over_r + term_2)
+    term_3 = a_platform_lateral_over_r/2
+    term_4 = sqrt(3)*r_inverse/2
+    term_5 = a_platform_forward*term_4
+    term_6 = platform_lateral_over_r/2
+    term_7 = platform_forward*term_4
+    wheel_2_torque = K1*u_2 - K2*(R*platform_turning*r_inverse - term_6 - term_7)
+    wheel_2_force_along = r_inverse*(-J*(R*a_platform_turning*r_inverse - term_3 - term_5) + wheel_2_torque)
+    wheel_3_torque = K1*u_3 - K2*(-term_6 + term_7 + term_2)
+    out = _zeros((3,), x, u, a, p)
+    out[0] = r_inverse*(-J*(a_platform_lateral_over_r + term_1) + wheel_1_torque)
+    out[1] = wheel_2_force_along
+    out[2] = r_inverse*(-J*(term_1 - term_3 + term_5) + wheel_3_torque)
+    return out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from wmr_afl.controllers.reference import Reference
 from wmr_afl.controllers.tables import ControllerTable
 from wmr_afl.experiments.assembly import assemble
 from wmr_afl.experiments.experiment import Experiment
+from wmr_afl.model.grip import FLOOR, friction_along, has_grip
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.order import UncertaintiesTable
 from wmr_afl.simulation.closed_loop import ClosedLoop, sample_times
@@ -22,6 +23,7 @@ from wmr_afl.simulation.simulate import simulate
 
 RATE = 10.0  # [1/s] of the law that knows everything, or a fifth of 1/(sample time) where that is less
 SETTLED = 5.0  # time constants of the reference model, after which the robot is where the reference wants it
+JOINED = 10.0  # time constants, after which what joining took of friction is gone
 JUMP = 1e-2  # [m, rad], and of velocities [m/s, rad/s]: more within a sample than derivatives tell is a jump
 MOST = 4  # of a kind are told one by one
 BEND = 0.2  # of the change that derivatives tell, which a curve may differ from it within a sample
@@ -47,6 +49,7 @@ class Demand:
     volts: dict[str, float]  # the largest of each motor [V], once the robot is on its way
     limits: dict[str, float]  # [V], infinite where there is none
     doubts: tuple[Doubt, ...]
+    friction: dict[str, float] = field(default_factory=dict)  # the largest share of its load that each wheel needs
 
 
 def demand(experiment: Experiment, path: Path, reference: Reference | None = None) -> Demand:
@@ -68,11 +71,18 @@ def demand(experiment: Experiment, path: Path, reference: Reference | None = Non
     needed, bounds = np.where(is_below, -lowest, highest), np.where(is_below, -least, most)
     doubts = [*_jumps(loop.reference, sample_times(loop, experiment.simulation.duration))]
     doubts += [*_beyond(run, late, (least, most), motors)]
+    friction = _friction(run, loop.sample_time)
+    friction[run.time[: len(friction)] < JOINED / _rate(experiment)] = 0.0
+    wheels = list(loop.model.metadata["geometry"]["wheels"]) if len(friction) else []
+    doubts += [*_slips(friction, run.time, wheels)]
     if run.failure is not None:
         doubts.append(Doubt(f"{run.failure.cause},", run.failure.time, run.failure.time))
     doubts += [Doubt(warning, 0.0, float(run.time[-1])) for warning in run.warnings if "at its stop" in warning]
     return Demand(
-        dict(zip(motors, needed.tolist(), strict=True)), dict(zip(motors, bounds.tolist(), strict=True)), tuple(doubts)
+        dict(zip(motors, needed.tolist(), strict=True)),
+        dict(zip(motors, bounds.tolist(), strict=True)),
+        tuple(doubts),
+        dict(zip(wheels, friction.max(axis=0, initial=0.0).tolist(), strict=False)),
     )
 
 
@@ -123,11 +133,7 @@ def _beyond(run: Run, late: NDArray[np.bool_], limits: tuple[Floats, Floats], mo
     """Each stretch of time in which a motor would need more than it has; stretches closer than a second are one."""
     for index, name in enumerate(motors):
         u, (least, most) = run.command[:, index], (one[index] for one in limits)
-        over = np.flatnonzero(late & ((u > most) | (u < least)))
-        if not len(over):
-            continue
-        breaks = np.flatnonzero(np.diff(run.time[over]) > 1.0)
-        stretches = np.split(over, breaks + 1)
+        stretches = _stretches(late & ((u > most) | (u < least)), run.time)
         for stretch in stretches[:MOST]:
             farthest = u[stretch][np.argmax(np.maximum(u[stretch] / most, u[stretch] / least))]
             what = f"{name} would need up to {abs(farthest):.3g} V of {most if farthest > 0 else -least:g} V"
@@ -135,3 +141,31 @@ def _beyond(run: Run, late: NDArray[np.bool_], limits: tuple[Floats, Floats], mo
         if len(stretches) > MOST:
             first, last = stretches[MOST][0], stretches[-1][-1]
             yield Doubt(f"{name} {len(stretches) - MOST} times more,", float(run.time[first]), float(run.time[last]))
+
+
+def _friction(run: Run, step: float) -> Floats:
+    """The share of its load that each wheel needs at each sample, (T-1, wheels); empty if forces cannot be told."""
+    if not has_grip(run.model) or len(run.time) < 2:
+        return np.zeros((0, 0))
+    with np.errstate(all="ignore"):
+        found = friction_along(run.model, run.state[:-1], run.state[1:], run.input[:-1], run.parameters, step)
+    return np.nan_to_num(found, posinf=np.finfo(float).max)
+
+
+def _slips(friction: Floats, time: Floats, wheels: list[str]) -> Iterator[Doubt]:
+    """Each stretch of time in which a wheel would need more friction than floors have."""
+    for index, name in enumerate(wheels):
+        needed = friction[:, index]
+        for stretch in _stretches(needed > FLOOR, time)[:MOST]:
+            what = (
+                f"wheel {name} would need a friction of up to {needed[stretch].max():.2g}, a dry floor has {FLOOR:g},"
+            )
+            yield Doubt(what, float(time[stretch[0]]), float(time[stretch[-1]]))
+
+
+def _stretches(where: NDArray[np.bool_], time: Floats) -> list[NDArray[np.int_]]:
+    """The samples of each stretch of time, those closer than a second being one."""
+    samples = np.flatnonzero(where)
+    if not len(samples):
+        return []
+    return np.split(samples, np.flatnonzero(np.diff(time[samples]) > 1.0) + 1)

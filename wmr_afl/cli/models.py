@@ -125,7 +125,8 @@ def check_reference(
     """Tell whether a robot can follow the reference of an experiment, and when not; exit with 1 if it cannot.
 
     A law that knows the robot follows it undisturbed and without limits: what voltages does that need, where does the
-    reference jump, where is something singular that is inverted, which joint comes to its stop.
+    reference jump, where is something singular that is inverted, which joint comes to its stop, which wheel needs more
+    friction than floors have.
     """
     from wmr_afl.analysis.feasibility import demand
     from wmr_afl.experiments.experiment import read_experiment
@@ -137,7 +138,15 @@ def check_reference(
         limit = found.limits[name]
         table.add_row(escape(name), f"{volts:.3g}", f"{limit:g}" if limit < float("inf") else "no limit told")
     console.print(table)
+    console.print(f"friction, over each wheel's load at rest: {_friction(found.friction)}")
     for doubt in found.doubts:
         console.print(escape(str(doubt)))
     if found.doubts:
         raise typer.Exit(1)
+
+
+def _friction(needed: dict[str, float]) -> str:
+    """What each wheel needs, or that it cannot be told."""
+    if not any(needed.values()):
+        return "cannot be told of constraints that no wheel makes, or without masses"
+    return ", ".join(f"{escape(wheel)} {friction:.2g}" for wheel, friction in needed.items())

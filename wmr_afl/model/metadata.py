@@ -265,6 +265,7 @@ class Metadata(_Part):
             "n_c": len(self.known),
             "n_p": len(self.parameters),
             "k": len(self.slip_rows),
+            "n_w": len(self.geometry.wheels),
         }
         for name, function in self.functions.items():
             expected = [sizes.get(symbol, size) for symbol, size in zip(function.shape, function.size, strict=False)]

@@ -17,3 +17,10 @@ def wheel_rows(model: Model) -> dict[str, int]:
 def is_driven(model: Model, row: int) -> bool:
     """Whether a motor turns what slips in this row."""
     return "motor" in model.metadata["slip_rows"][row]
+
+
+def sideways_rows(model: Model) -> dict[int, int]:
+    """The rows of wheels that must not slip sideways, by the wheel's place among all wheels."""
+    wheels = list(model.metadata["geometry"]["wheels"])
+    rows = enumerate(model.metadata["slip_rows"])
+    return {wheels.index(row["wheel"]): index for index, row in rows if row.get("direction") == "sideways"}

@@ -8,6 +8,7 @@ import numpy as np
 
 from wmr_afl.controllers.outer_loop import within_half_a_turn
 from wmr_afl.controllers.tables import OBSERVER_SHARE, SHARE
+from wmr_afl.model.grip import FLOOR, friction_along, has_grip
 from wmr_afl.numerics.arrays import NUMPY, Floats
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.conditions import Condition
@@ -18,6 +19,8 @@ FAR_BEYOND = 2.0  # times the usual rate: its poles are too fast for the samples
 STUCK = 0.5  # share of the last samples at a bound: the bound tells the estimate, not the robot
 AT_STOP = 1e-3  # [rad]
 WRONG = 0.1  # [m, rad], by which an observed coordinate is off that is not just noisy
+LOOKED_AT = 600  # samples at which forces are told, densest at the start, where they are largest
+FAR = 1e9  # [m, rad; m/s, rad/s], where a run has long diverged
 LATE = 2.0 / 7.0  # the end of a run, in which it should have settled
 
 
@@ -34,7 +37,7 @@ def warning_signs(
         if not one.at_start < one.bound
     )
     seen = (*_inputs(loop, signals, numbers), *_joints(loop, signals, numbers), *_rates(loop, numbers))
-    seen = (*seen, *_observed(loop, signals))
+    seen = (*seen, *_grip(loop, signals, numbers), *_observed(loop, signals))
     return (*seen, *estimates, *broken)
 
 
@@ -46,6 +49,22 @@ def _inputs(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[st
     if share > OFTEN:
         remedy = "follow a slower reference, start closer to it, or lower the gains"
         yield f"a motor is at its limit in {share:.0%} of the samples; {remedy}"
+
+
+def _grip(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str, Floats]) -> Iterator[str]:
+    x = signals["x"][np.cumprod(np.abs(signals["x"]).max(axis=1) < FAR, dtype=bool)]
+    if not has_grip(loop.model) or len(x) < 2:
+        return
+    k = np.unique(((len(x) - 2) * np.linspace(0.0, 1.0, LOOKED_AT) ** 2).astype(int))
+    with np.errstate(all="ignore"):
+        needed = friction_along(loop.model, x[k], x[k + 1], signals["u"][k], numbers["p"], loop.sample_time)
+    needed = np.nan_to_num(needed, posinf=np.finfo(float).max)
+    sample, wheel = np.unravel_index(int(np.argmax(needed)), needed.shape)
+    if needed[sample, wheel] > FLOOR:
+        what = f"wheel {list(loop.model.metadata['geometry']['wheels'])[wheel]} would need a friction of"
+        when = f"{needed[sample, wheel]:.2g} at {k[sample] * loop.sample_time:g} s"
+        remedy = "start on the reference, follow a slower one, or lower the gains"
+        yield f"{what} {when}, a dry floor has {FLOOR:g}; {remedy}"
 
 
 def _rates(loop: ClosedLoop, numbers: Mapping[str, Floats]) -> Iterator[str]:

@@ -12,11 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from wmr_afl.errors import WmrError
 from wmr_afl.model.model import Model
+from wmr_afl.model.wheel_loads import stands, wheel_loads
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.numerics.formulas import casadi_value, numpy_value
-
-GRAVITY = 9.81  # [m/s^2]
-LEAST_LOAD = 0.02  # of an equal share of the weight, that a wheel bears on which the robot stands
 
 
 @dataclass(frozen=True)
@@ -228,29 +226,11 @@ class Mechanism:
 
         Least squares among the loads that balance the weight; equal shares where none do: the robot would tip.
         """
-        return self._statics(q)[0]
+        return wheel_loads(self.model, q, self.p)
 
     def stands(self, q: ArrayLike) -> bool:
         """Whether the robot stands on three wheels or more at q (n,), its centre of mass well within them."""
-        return self._statics(q)[1]
-
-    def _statics(self, q: ArrayLike) -> tuple[Floats, bool]:
-        names = self._values | dict(zip(self._coordinates, np.asarray(q, dtype=float).tolist(), strict=True))
-
-        def seen(kind: str) -> Floats:
-            parts = self._parts[kind].values()
-            return np.array([[float(numpy_value(part[key], names)) for key in ("x", "y")] for part in parts])
-
-        wheels, masses = seen("wheels"), np.array([part.mass for part in (*self.wheels, *self.bodies)])
-        centre = masses @ np.vstack([wheels, seen("bodies").reshape(-1, 2)]) / self.mass
-        weight, count = self.mass * GRAVITY, len(wheels)
-        balance = np.vstack([np.ones(count), (wheels - centre).T])
-        wanted = np.array([weight, 0.0, 0.0])
-        loads = np.asarray(np.linalg.pinv(balance) @ wanted)
-        balances = np.allclose(balance @ loads, wanted, atol=1e-6 * weight)
-        if balances and loads.min() > LEAST_LOAD * weight / count:
-            return loads, bool(np.linalg.matrix_rank(balance) == 3)
-        return np.full(count, weight / count), False
+        return bool(stands(self.model, q, self.p))
 
     def _point(self, at: Any) -> Floats:
         return np.array([self._number(one) for one in at])

@@ -22,8 +22,9 @@ from typing import Any
 
 import numpy as np
 
+from wmr_afl.model.wheel_loads import GRAVITY
 from wmr_afl.numerics.arrays import Floats
-from wmr_afl.validation.mechanism import GRAVITY, Mechanism, Wheel
+from wmr_afl.validation.mechanism import Mechanism, Wheel
 
 PLANAR = ("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("heading", "hinge", "0 0 1")
 UPRIGHT = ("z", "slide", "0 0 1"), ("pitch", "hinge", "0 1 0"), ("roll", "hinge", "1 0 0")

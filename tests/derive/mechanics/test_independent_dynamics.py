@@ -1,4 +1,4 @@
-"""Forward dynamics of every robot equal an independent derivation, which shares only the reader of arithmetic.
+"""Forward dynamics of every robot, and forces of the floor, equal an independent derivation.
 
 The witness takes Lagrange's equations of the first kind from the description: poses as functions of the coordinates,
 every wheel's spin as one coordinate more, rates by automatic differentiation, and all conditions on rates, redundant
@@ -61,16 +61,22 @@ class Witness:
         v = ca.vertcat(*(self._value(text) for text in pseudo_velocities.values()))
         self.function = ca.Function("witness", [self.q, self.rate, self.u, self.w, self.p], self._equations(v))
 
-    def state_derivative(self, x: np.ndarray, u: np.ndarray, w: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """x' = [q'; v'] at one state: rates from v, then accelerations and multipliers, both by least squares."""
+    def motion(self, *arguments: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """At one state x, u, w, p: x' = [q'; v'], the force on q of all that is sideways, and each wheel's force along.
+
+        Rates come from v, then accelerations and multipliers, both by least squares.
+        """
+        x, u, w, p = arguments
         n = len(self.description["coordinates"])
         q, v = np.append(x[:n], np.zeros(len(self.spin))), x[n:]  # what is spun so far does not matter
         A, _, N, *_ = self._numbers(q, 0 * q, u, w, p)
         rate = least_squares(np.vstack([A, N]), np.append(np.zeros(len(A)), v))
         A, A_drift, N, N_drift, M, force = self._numbers(q, rate, u, w, p)
         system = np.block([[M, -A.T], [A, np.zeros((len(A), len(A)))]])
-        acceleration = least_squares(system, np.append(force, -A_drift))[: len(q)]
-        return np.append(rate[:n], N @ acceleration + N_drift)
+        acceleration, multipliers = np.split(least_squares(system, np.append(force, -A_drift)), [len(q)])
+        along = np.array([row in self.along for row in range(len(A))])
+        sideways = A[~along, :n].T @ multipliers[~along]
+        return np.append(rate[:n], N @ acceleration + N_drift), sideways, multipliers[along]
 
     def _numbers(self, *arguments: np.ndarray) -> list[np.ndarray]:
         matrices = [value.full() for value in self.function(*arguments)]
@@ -99,6 +105,7 @@ class Witness:
     def _conditions(self) -> ca.SX:
         """What vanishes: wheels' slip sideways and along, and the description's further constraints."""
         rows = [self._value(constraint["expression"]) for constraint in self.description.get("constraints", [])]
+        self.along: list[int] = []  # rows of rolling, in the order of wheels
         for wheel in self.description.get("wheels", []):
             pose = self.pose[wheel["frame"]]
             speed = self._rate_of(pose.point(self._vector(wheel["at"])))
@@ -107,6 +114,7 @@ class Witness:
                 roller = self._value(wheel["roller_angle"])
             else:
                 rows.append(ca.dot(direction(heading + math.pi / 2), speed))
+            self.along.append(len(rows))
             rolled = self._value(wheel["radius"]) * self._rate_of(self.spin[wheel["name"]]) * ca.cos(roller)
             rows.append(ca.dot(direction(heading + roller), speed) - rolled)
         return ca.vertcat(*rows)
@@ -156,6 +164,8 @@ class Sample:
     model: Model
     arguments: tuple[np.ndarray, ...]  # x, u, w, p, a row each state
     expected: np.ndarray  # x'
+    sideways: np.ndarray  # A^T lambda
+    along: np.ndarray  # of each wheel
 
     def deviation(self, state_derivative: Callable[..., np.ndarray]) -> float:
         """The largest deviation from the witness, relative to the entry or its median over the states."""
@@ -174,8 +184,8 @@ def sample_of(model: Model, text: str) -> Sample:
     formulas = description.get("pseudo_velocities", model.findings["pseudo_velocities"])
     witness = Witness(description, formulas)
     arguments = random_arguments(model)
-    expected = np.array([witness.state_derivative(*row) for row in zip(*arguments, strict=True)])
-    return Sample(model, arguments, expected)
+    found = zip(*(witness.motion(*row) for row in zip(*arguments, strict=True)), strict=True)
+    return Sample(model, arguments, *map(np.array, found))
 
 
 def random_arguments(model: Model) -> tuple[np.ndarray, ...]:
@@ -192,6 +202,43 @@ def random_arguments(model: Model) -> tuple[np.ndarray, ...]:
 
 def test_forward_dynamics_equal_an_independent_derivation(sample: Sample) -> None:
     assert sample.deviation(sample.model.state_derivative) <= TOLERANCE
+
+
+def test_forces_of_the_floor_equal_an_independent_derivation(sample: Sample) -> None:
+    assert force_deviation(sample) <= TOLERANCE
+
+
+@pytest.mark.parametrize("term", ["constraint_forces", "rolling_forces"])
+def test_a_millionth_more_in_any_force_is_noticed(term: str, sample: Sample) -> None:
+    forces = sample.model.functions()[term]
+    for index in range(sample.model.metadata["functions"][term]["size"][0]):
+        sample.model._add(term, lambda *given, index=index: forces(*given) * (1 + 1e-6 * one_at(index, forces(*given))))
+        is_always_zero = not np.any(forces(*given_forces(sample))[:, index])
+        assert is_always_zero or force_deviation(sample) > TOLERANCE
+
+
+def force_deviation(sample: Sample) -> float:
+    """The largest deviation of a force from the witness, relative to the largest one at its state."""
+    model, (x, _, _, p) = sample.model, sample.arguments
+    A = model.constraint_matrix(x[:, : model.coordinate_count], p)
+    sideways = np.einsum("kmn,km->kn", A, model.constraint_forces(*given_forces(sample)))
+    along = model.rolling_forces(*given_forces(sample))
+    deviation = 0.0
+    for value, expected in ((sideways, sample.sideways), (along, sample.along)):
+        size = np.maximum(np.abs(expected), np.median(np.abs(expected), axis=0))
+        difference = np.abs(value - expected) - TOLERANCE * 1e-3 * np.abs(expected).max(axis=1, keepdims=True)
+        deviation = max(deviation, float(np.max(difference / np.maximum(size, 1e-300), initial=0.0)))
+    return deviation
+
+
+def given_forces(sample: Sample) -> tuple[np.ndarray, ...]:
+    """x, u, a, p with the accelerations of the witness."""
+    x, u, _, p = sample.arguments
+    return x, u, sample.expected[:, sample.model.coordinate_count :], p
+
+
+def one_at(index: int, values: np.ndarray) -> np.ndarray:
+    return np.eye(values.shape[1])[index]
 
 
 OFF_CENTRE = descriptions.robot(
@@ -211,6 +258,7 @@ def test_no_frame_needs_its_origin_on_an_axle_or_in_its_mass(tmp_path: Path) -> 
     """Derived now: an axle behind the body's origin, a fork whose wheel is off the joint, bodies anywhere."""
     sample = sample_of(load_model(descriptions.derived(OFF_CENTRE, tmp_path)), OFF_CENTRE)
     assert sample.deviation(sample.model.state_derivative) <= TOLERANCE
+    assert force_deviation(sample) <= TOLERANCE
 
 
 def test_a_millionth_more_in_any_rate_is_noticed(sample: Sample) -> None:

@@ -17,6 +17,8 @@ from wmr_afl.analysis import feasibility
 from wmr_afl.analysis.feasibility import Demand, Doubt, _beyond, _jumps, _limits, _rate, demand
 from wmr_afl.cli import app
 from wmr_afl.experiments.experiment import find_experiment, read_experiment
+from wmr_afl.model.grip import FLOOR
+from wmr_afl.model.wheel_loads import GRAVITY
 from wmr_afl.numerics.arrays import Floats
 from wmr_afl.plant.command_limits import CommandLimitsTable
 from wmr_afl.plant.input_limits import InputLimitsTable
@@ -51,6 +53,21 @@ def test_a_straight_line_needs_what_back_emf_takes(tmp_path: Path) -> None:
     p = dict(zip(model.parameter_units, model.parameters(), strict=True))
     for volts in found.volts.values():
         assert volts == pytest.approx(p["K2"] / p["K1"] * 0.3 / p["r"], rel=0.02)
+
+
+def test_a_circle_driven_ever_faster_needs_more_friction_than_floors_have(tmp_path: Path) -> None:
+    """Sideways v^2/R over gravity, along d/b of it, for the mass is ahead of the axle, and what driving takes."""
+    p = wmr_afl.load_model("type_2_0").metadata["defaults"]
+    for faster, expected in ((0.1, 0), (0.4, 2)):  # [rad/s^2], on a circle of 1 m
+        angle = f"(0.3*t + {0.5 * faster}*t**2)"
+        found = demanded(tmp_path, f'expressions = {{ y1 = "sin{angle}", y2 = "1 - cos{angle}" }}')
+        told = [doubt for doubt in found.doubts if "friction" in doubt.what]
+        assert [doubt.what[: doubt.what.index(" would")] for doubt in told] == ["wheel right", "wheel left"][:expected]
+        if told:
+            first = min(doubt.first for doubt in told)
+            sideways = (0.3 + faster * first) ** 2 / GRAVITY
+            assert np.hypot(sideways, sideways * p["d"] / p["b"]) == pytest.approx(FLOOR, rel=0.15)
+            assert min(found.friction.values()) > FLOOR
 
 
 def test_where_motors_have_less_is_told_with_the_times(tmp_path: Path) -> None:

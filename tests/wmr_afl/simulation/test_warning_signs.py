@@ -19,7 +19,9 @@ from wmr_afl.controllers import (
 from wmr_afl.controllers.direct_adaptation import guessed_inertia
 from wmr_afl.controllers.groups import groups_of
 from wmr_afl.controllers.reference import Reference
+from wmr_afl.model.grip import FLOOR
 from wmr_afl.model.model import load_model
+from wmr_afl.model.wheel_loads import GRAVITY
 from wmr_afl.plant import InputLimits, Plant
 from wmr_afl.simulation.closed_loop import ClosedLoop
 from wmr_afl.simulation.conditions import BEYOND, MOST, conditions
@@ -64,12 +66,27 @@ def test_motors_are_at_their_limits_too_often(motor: int, sign: float) -> None:
     for share, expected in ((OFTEN + 0.01, True), (OFTEN - 0.01, False)):
         u = np.zeros((700, 2))
         u[: round(share * 700), motor] = sign * limit
-        found = signs(u=u)
+        found = [one for one in signs(u=u) if "limit" in one]
         assert bool(found) == expected
         if expected:
             assert found[0].startswith(f"a motor is at its limit in {share:.0%} of the samples; follow")
     below = np.full((700, 2), sign * 2.99)
-    assert signs(u=below) == []
+    assert [one for one in signs(u=below) if "limit" in one] == []
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("volts", [3.0, 3.2])
+def test_a_wheel_that_would_need_more_friction_than_floors_have_is_named(volts: float, side: int) -> None:
+    """Held at rest: one motor's torque over the radius, beside half of the weight, of either sign, at one sample."""
+    p = dict(zip(MODEL.parameter_units, MODEL.parameters(), strict=True))
+    needed = p["K1"] * volts / p["r"] / ((p["m_C"] + 2.0 * p["m_w"]) * GRAVITY / 2.0)
+    u = np.zeros((700, 2))
+    u[35, side] = -volts
+    found = [one for one in signs(u=u) if "friction" in one]
+    assert bool(found) == (needed > FLOOR)
+    if found:
+        wheel, when = ("right", "left")[side], f"{needed:.2g} at {35 * 0.02:g} s"
+        assert found[0].startswith(f"wheel {wheel} would need a friction of {when}, a dry floor has 0.8; start")
 
 
 def test_bounds_that_exclude_the_true_value_are_named() -> None:
@@ -130,7 +147,8 @@ def test_a_joint_that_is_at_one_of_its_stops_is_named(side: float) -> None:
         coordinate_count=3,
     )
     one = SimpleNamespace(
-        model=SimpleNamespace(in_library=lambda _: model), law=SimpleNamespace(adapts=False, observes=False)
+        model=SimpleNamespace(in_library=lambda _: model, has=lambda _: False),
+        law=SimpleNamespace(adapts=False, observes=False),
     )
     x = np.zeros((1000, 5))
     for left, share, expected in ((0.9e-3, 7, "0.7%"), (-1e-3, 500, "50.0%"), (1.1e-3, 500, None)):

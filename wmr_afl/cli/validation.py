@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from wmr_afl.validation.tracking import Tracked
     from wmr_afl.validation.validate import Validation
 
-HOLDS = 0.8  # of its load: what a usual floor gives a wheel in friction
+
 
 
 @app.command()
@@ -90,6 +90,8 @@ def validate(
 
 def _tell(found: Validation) -> None:
     """Accelerations, the drive, friction, verdict."""
+    from wmr_afl.model.grip import FLOOR
+
     rollers = sum(wheel.roller_angle is not None for wheel in found.mechanism.wheels)
     parts = f"{len(found.mechanism.frames)} frames, {len(found.mechanism.wheels)} wheels ({rollers} Swedish)"
     title = f"[bold]{escape(found.model.title)}[/bold]: {parts}, {len(found.mechanism.motors)} motors in MuJoCo"
@@ -112,8 +114,8 @@ def _tell(found: Validation) -> None:
     else:
         console.print(_of_wheels(found))
         say(f"masses at {found.height:.3g} m; every wheel stays on the floor, so that the planar model holds")
-    if max(found.friction.values()) > HOLDS:
-        say(f"no usual floor holds that: above {HOLDS} of its load a wheel slips, and the planar model does not hold")
+    if max(found.friction.values()) > FLOOR:
+        say(f"no usual floor holds that: above {FLOOR} of its load a wheel slips, and the planar model does not hold")
     say(found.verdict)
 
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from wmr_afl.validation.validate import Validation
 
 
-
-
 @app.command()
 def validate(
     robot: Annotated[str, typer.Argument(help="A shipped model, or the path of a folder that derive has written.")],

@@ -93,4 +93,4 @@ def test_friction_is_what_an_engine_measures(name: str) -> None:
     a = model.state_derivative(x, u, np.zeros(model.pseudo_velocity_count), mechanism.p)[:, len(start) :]
     loads = np.broadcast_to(wheel_loads(model, start, mechanism.p), (len(k), len(mechanism.wheels)))
     needed = np.linalg.norm(wheel_forces(model, x, u, a, mechanism.p, loads), axis=-1) / loads
-    np.testing.assert_allclose(needed.max(axis=0), driven.friction, rtol=0.01, atol=1e-3)
+    np.testing.assert_allclose(needed.max(axis=0), driven.grip.friction, rtol=0.01, atol=1e-3)

@@ -17,12 +17,13 @@ from wmr_afl.analysis.film import filming
 from wmr_afl.analysis.geometry import Geometry
 from wmr_afl.cli import app
 from wmr_afl.experiments.load import load_experiment
+from wmr_afl.model.wheel_loads import GRAVITY
 from wmr_afl.plant.uncertainty import Uncertainty
 from wmr_afl.simulation.simulate import simulate
 from wmr_afl.validation import tracking
 from wmr_afl.validation.drive import drive
 from wmr_afl.validation.engine import Engine
-from wmr_afl.validation.mechanism import GRAVITY, Mechanism
+from wmr_afl.validation.mechanism import Mechanism
 from wmr_afl.validation.mjcf import Contact, hung
 from wmr_afl.validation.tracking import Tracked, track
 from wmr_afl.validation.validate import CONVENTIONAL

@@ -377,6 +377,32 @@ def test_a_wrong_sign_is_a_contradiction(drive: Log) -> None:
     assert any("of the wrong sign" in text for text in open_ends(wrong))
 
 
+@pytest.mark.parametrize(
+    ("value", "interval", "answer"),
+    [
+        (0.4, 0.01, "yes"),
+        (0.005, 0.01, "about zero"),
+        (-0.005, 0.01, "about zero"),
+        (-0.03, 0.01, "about zero"),  # of 8 V: less than a log tells
+        (-0.4, 0.01, "below zero"),
+        (-0.4, 0.2, "below zero"),
+        (-0.4, 0.5, "no"),
+    ],
+)
+def test_friction_below_zero_is_none_or_a_contradiction(
+    found: Identified, value: float, interval: float, answer: str
+) -> None:
+    """It never says that it is told: no motor is pushed by its friction."""
+    k = found.names.index("coulomb_u_r")
+    unknown, covariance = found.estimate.unknown.copy(), found.estimate.covariance.copy()
+    unknown[k], covariance[k, k] = value, (0.5 * interval) ** 2
+    other = replace(found, estimate=replace(found.estimate, unknown=unknown, covariance=covariance))
+    assert other.told()[k] == answer
+    assert other.is_contradiction is (answer == "below zero")
+    assert ("friction below zero (coulomb_u_r)" in other.verdict) is other.is_contradiction
+    assert any("below zero" in text for text in open_ends(other)) is other.is_contradiction
+
+
 def test_what_voltages_cannot_tell_is_said(found: Identified) -> None:
     assert found.physical.scaled == ("m_C", "m_w", "I_m", "I_C", "K1", "K2")
     texts = list(open_ends(found))
@@ -390,13 +416,23 @@ def test_the_page_holds_everything(found: Identified) -> None:
     assert page.index(found.verdict.replace("'", "&#39;"), first) < page.index("<h2>")
     for text in (
         *("Checks of the log", "Base parameters", "SysId", "What was held out", "Physical parameters"),
-        *("What is not determined", "weak form", "output error", "<th>voltage</th>", "&lt;small&gt;.csv", "guess = {"),
+        *(
+            "What is not determined",
+            "weak form",
+            "output error",
+            "<th>of voltage</th>",
+            "some exceed 100 %",
+            "&lt;small&gt;.csv",
+            "guess = {",
+        ),
         *(name for name in found.names),
         *(name for name in found.parameters),
         *(check.text for check in found.checks),
         *(f"{value:.5g}" for value in found.estimate.unknown),
     ):
         assert text.replace("'", "&#39;") in page, text
+    assert page.count("<table") == page.count('<div class="table"><table') == page.count("</table></div>")  # scrolling
+    assert page.count('class="formula"><div>') == len(found.names)
     assert page.count("data:image/png;base64,") == len(found.held) == 1
     assert not re.search(r"(src|href)=\"(?!data:)", page)
 

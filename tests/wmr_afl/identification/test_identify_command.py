@@ -332,6 +332,16 @@ def test_numbers_for_an_experiment(found: Identified, tmp_path: Path) -> None:
     assert loop.states["theta_hat"] == pytest.approx(found.model.base_parameters(p), rel=0.02)
 
 
+def test_what_was_identified_is_no_experiment_and_says_so_in_one_line(found: Identified) -> None:
+    Path("identified.toml").write_text(toml_text(found, "small.csv"))
+    result = CliRunner().invoke(app, ["simulate", "identified.toml"])
+    assert result.exit_code == 2
+    assert result.stderr == (
+        "error: identified.toml: is no experiment: it has no [reference], no [simulation], no [controllers]; name an "
+        "experiment; from a file that identify has written copy robot, [parameters] and guess into one\n"
+    )
+
+
 def test_parameters_given_stay_and_fix_the_scale(drive: Log) -> None:
     weighed = identify(ROBOT, drive, parameters={**GEOMETRY, "m_C": SMALL["m_C"]})
     assert weighed.physical.scaled == ()

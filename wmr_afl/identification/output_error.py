@@ -237,7 +237,7 @@ class OutputError:
             gradient = gradient - scale * precision * (unknown - self.mean)
             least = _DONE * cost / self.samples
             promised = float(gradient @ np.linalg.solve(normal, gradient))
-            for _ in range(TRIES if promised > least else 1):  # with more damping it would lessen the cost by less still
+            for _ in range(TRIES if promised > least else 1):  # more damping gives less still
                 step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
                 other = self._limited(unknown, scale * step)
                 moved = first + now.start - now.start_slope @ ((other - unknown) / scale)

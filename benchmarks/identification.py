@@ -100,8 +100,10 @@ def commands_of(robot: str, seed: int) -> Commands:
     return commands
 
 
-def driven(robot: str, seed: int, seconds: float, substeps: int | None = None) -> Drive:
-    """A drive of a robot from rest, with friction at its motors."""
+def driven(
+    robot: str, seed: int, seconds: float, substeps: int = FINE, step: float = STEP, rows: Floats | None = None
+) -> Drive:
+    """A drive of a robot from rest, with friction at its motors; voltages change at each `step` [s], or at `rows`."""
     loop = next(iter(load_experiment(f"track_{robot}").loops.values()))
     model, plan = loop.model, PLANS[robot]
     p = model.parameters()
@@ -109,12 +111,21 @@ def driven(robot: str, seed: int, seconds: float, substeps: int | None = None) -
     gains = [float(numpy_value(motor["torque_gain"], values)) for motor in model.metadata["motors"].values()]
     coulomb = [FRICTION * plan.volts[motor] * gain for motor, gain in zip(model.input_units, gains, strict=True)]
     plant = Plant(model, p, np.zeros(len(model.state_units)), "rk4", [Friction(model, 0.0, coulomb, "wheels")])
-    return drive(
-        dataclasses.replace(loop, plant=plant, sample_time=STEP),
-        commands_of(robot, seed),
-        round(seconds / STEP),
-        substeps or FINE,
-    )
+    commands, loop = commands_of(robot, seed), dataclasses.replace(loop, plant=plant, sample_time=step)
+    return drive(loop, commands if rows is None else held(commands, step, rows), round(seconds / step), substeps)
+
+
+def held(commands: Commands, step: float, rows: Floats) -> Commands:
+    """The same, held from one of the `rows` (steps of a drive) to the next."""
+    now, last = set(rows.tolist()), np.empty(0)
+
+    def kept(t: float, x: Floats) -> Floats:
+        nonlocal last
+        if round(t / step) in now:
+            last = commands(t, x)
+        return last
+
+    return kept
 
 
 def truth(robot: str, effort: Effort) -> Floats:
@@ -257,23 +268,36 @@ def faults() -> Iterator[list[str]]:
     dead = one.z.copy()
     dead[:, 1] = dead[0, 1]
     radius = float(made.model.parameters()[list(made.model.parameter_units).index("r")])
-    every = np.arange(len(one)) // 4 * 4
-    for name, word, segment, options in (
-        ("as it is", "dead time", one, {}),
-        ("voltages 40 ms early", "dead time", dataclasses.replace(one, u=np.roll(one.u, -2, axis=0)), {}),
+    every, kept = np.arange(len(one)) // 4 * 4, np.random.default_rng(0).uniform(size=len(one))
+    fine = 0.001  # [s]
+    early_or_late = np.round(np.random.default_rng(0).uniform(-0.3, 0.3, len(one) - 1) * STEP / fine).astype(int)
+    uneven = round(STEP / fine) * np.arange(len(one)) + np.append(0, early_or_late)
+    jittery = (
+        driven("type_2_0", 1000, SECONDS, round(FINE * fine / STEP), fine, uneven).log(Sensors(seed=0)).segments[0]
+    )
+    early, jumping = dataclasses.replace(one, u=np.roll(one.u, -2, axis=0)), one.z.copy()
+    jumping[len(one) // 2, 0] += 5.0
+    for name, word, segment, rows, options in (
+        ("as it is", "dead time", one, slice(None), {}),
+        ("voltages 40 ms early", "dead time", early, slice(None), {}),
+        ("the same, --delay 0.04", "dead time", early, slice(None), {"delay": 0.04}),
+        ("wheel radius 3 % wrong", "encoders", one, slice(None), {"parameters": {"r": 1.03 * radius}}),
+        ("gyroscope reversed", "encoders", dataclasses.replace(one, z=one.z * [1.0, 1.0, -1.0]), slice(None), {}),
+        ("an encoder dead", "dead encoder", dataclasses.replace(one, z=dead), slice(None), {}),
+        ("one cell of an encoder 5 rad off", "spikes", dataclasses.replace(one, z=jumping), slice(None), {}),
+        ("rows up to 30 % of a sample early or late", "rows", jittery, uneven, {}),
+        ("a tenth of the rows lost at random", "rows", one, kept >= 0.1, {}),
+        ("a fifth of the rows lost at random", "rows", one, kept >= 0.2, {}),
         (
-            "the same, --delay 0.04",
-            "dead time",
-            dataclasses.replace(one, u=np.roll(one.u, -2, axis=0)),
-            {"delay": 0.04},
+            "written four times as often as measured",
+            "repeated",
+            dataclasses.replace(one, z=one.z[every]),
+            slice(None),
+            {},
         ),
-        ("wheel radius 3 % wrong", "encoders", one, {"parameters": {"r": 1.03 * radius}}),
-        ("gyroscope reversed", "encoders", dataclasses.replace(one, z=one.z * [1.0, 1.0, -1.0]), {}),
-        ("an encoder dead", "dead encoder", dataclasses.replace(one, z=dead), {}),
-        ("written four times as often as measured", "repeated", dataclasses.replace(one, z=one.z[every]), {}),
     ):
-        columns = {channel.name: column for channel, column in zip(log.channels, segment.z.T, strict=True)}
-        read = log_of(made.model, segment.time, segment.u, columns)
+        columns = {channel.name: column[rows] for channel, column in zip(log.channels, segment.z.T, strict=True)}
+        read = log_of(made.model, segment.time[rows], segment.u[rows], columns)
         found = identify(made.model, read, coulomb="each", **options)  # type: ignore[arg-type]
         said = next(str(check) for check in found.checks if check.name.startswith(word))
         pi = found.effort.base(made.model.parameters())

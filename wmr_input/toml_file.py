@@ -1,5 +1,6 @@
 """TOML file -> validated model; every mistake becomes one line with file, place, problem and remedy."""
 
+import re
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -58,12 +59,20 @@ def read_toml(path: Path, schema: type[Schema]) -> Schema:
 def validate(data: dict[str, Any], schema: type[Schema], file: str) -> Schema:
     """`data` as `schema`.
 
+    A file that has none of the tables that `schema` requires is another kind of file: that is one mistake, and the
+    schema's `instead` says what to do, if it has one.
+
     Raises:
         InputError: if `data` does not fit; `file` is named in the text.
     """
     try:
         return schema.model_validate(data)
     except ValidationError as error:
+        tables = _required_tables(schema)
+        if len(tables) > 1 and not any(name in data for name in tables):
+            kind = re.sub("(?<=[a-z])(?=[A-Z])", " ", schema.__name__).lower()
+            problem = f"is no {kind}: it has no {', no '.join(f'[{name}]' for name in tables)}"
+            raise InputError(file, "", problem, getattr(schema, "instead", "name another file")) from None
         details = _without_misspelt(error.errors(include_url=False), schema)
         mistakes = [InputError(file, place(one["loc"], data), *_explained(one, schema)) for one in details]
         raise (mistakes[0] if len(mistakes) == 1 else InputErrors(mistakes)) from None
@@ -147,6 +156,12 @@ def _without_misspelt(details: list[ErrorDetails], schema: type[BaseModel]) -> l
     unknown = [one["loc"] for one in details if one["type"] == "extra_forbidden"]
     meant = {(*loc[:-1], nearest(str(loc[-1]), _keys(schema, loc[:-1]))) for loc in unknown}
     return [one for one in details if one["type"] != "missing" or one["loc"] not in meant]
+
+
+def _required_tables(schema: type[BaseModel]) -> list[str]:
+    """The keys of the tables, and lists of tables, without which nothing fits `schema`."""
+    fields = schema.model_fields.items()
+    return [name for name, field in fields if field.is_required() and field.annotation not in (str, int, float, bool)]
 
 
 def _keys(schema: type[BaseModel], location: tuple[int | str, ...]) -> list[str]:

@@ -2,6 +2,7 @@
 
 import pickle
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from pydantic import Field
@@ -36,6 +37,26 @@ def mistake(text: str, tmp_path: Path) -> str:
     with pytest.raises(InputError) as caught:
         read_toml(path, Robot)
     return str(caught.value).replace(str(tmp_path) + "/", "")
+
+
+class RobotTask(Table):
+    instead: ClassVar[str] = "name a task"
+    title: str
+    wheels: list[Wheel]
+    limits: dict[str, float]
+
+
+@pytest.mark.parametrize("text", ["", 'title = "a"', 'guess = "a"\n[parameters]\nr = 1.0'])
+def test_another_kind_of_file_is_one_mistake(text: str, tmp_path: Path) -> None:
+    """It has none of the tables that are required; with one of them what is missing is told."""
+    path = tmp_path / "task.toml"
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_toml(path, RobotTask)
+    assert str(caught.value) == f"{path}: is no robot task: it has no [wheels], no [limits]; name a task"
+    path.write_text("[limits]\n" + 'title = "a"')
+    with pytest.raises(InputErrors, match="wheels: missing 'wheels'"):
+        read_toml(path, RobotTask)
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from wmr_input.whole_files import write_whole
 DRAWN = 3  # segments of what was held out, the longest ones
 MUCH_LEFT, POOR = 3.0, 80.0  # times the noise, and [%] of what was held out: beyond, the verdict looks doubtful
 LINE = 110  # characters of a comment
+SHARES = "of voltage: what a number alone accounts for; parts may cancel each other, so that some exceed 100 %"
 LONGEST = 60.0  # [s] of a segment that are drawn
 
 
@@ -120,6 +121,12 @@ def open_ends(found: Identified) -> Iterator[str]:
         yield (
             "A contradiction: no masses, inertias and motor constants above zero give these numbers. Look for a "
             "voltage or a sensor of the wrong sign, two motors that are swapped, a wheel radius or track far off."
+        )
+    if found.pushing:
+        names = ", ".join(found.pushing)
+        yield (
+            f"A contradiction: Coulomb friction below zero, which would push a motor: {names}. Look whether "
+            "the voltages are those that the motors had, and come at the instant at which the log has them."
         )
     if found.undetermined:
         share, names = f"{100 * NOT_DETERMINED:.0f} %", ", ".join(found.undetermined)
@@ -227,6 +234,7 @@ def _content(found: Identified, source: str) -> dict[str, Any]:
         ],
         "open_ends": list(open_ends(found)),
         "guess": guess_line(found),
+        "shares": SHARES,
         "feedforward": found.feedforward,
         "pictures": {name: inline(_png(figure)) for name, figure in figures(found).items()},
         "pieces": f"{PIECE:g} s" if any(one.ok.sum() * one.segment.step > WHOLE for one in found.held) else "",

@@ -83,7 +83,7 @@ def identify(
 
 def _told(found: Identified) -> Iterator[RenderableType]:
     """Checks, numbers, physical parameters, verdict."""
-    from wmr_afl.analysis.identification_report import open_ends, origins
+    from wmr_afl.analysis.identification_report import SHARES, open_ends, origins
 
     log = found.log
     yield f"[bold]{escape(found.model.title)}[/bold]  ({escape(found.model.name)}; {log.duration:.1f} s of log)"
@@ -105,6 +105,7 @@ def _told(found: Identified) -> Iterator[RenderableType]:
         short = formula if len(formula) <= LONGEST else formula[: LONGEST - 3] + "..."
         numbers.add_row(name, number, interval, unit, f"{found.share[k]:.1%}", told[k], escape(short))
     yield numbers
+    yield f"[dim]{escape(SHARES)}[/dim]"
     for gains in found.feedforward or ():
         yield escape(str(gains))
     yield ""

@@ -64,12 +64,13 @@ def numbers_by_name(option: str, given: list[str] | None) -> dict[str, float]:
     """
     found = {}
     for text in given or ():
-        name, _, value = text.partition("=")
+        name, _, value = (part.strip() for part in text.partition("="))
         try:
-            found[name.strip()] = float(value)
+            found[name] = float(value)
         except ValueError:
-            wanted = f"write {option} NAME=VALUE, as in {option} beta=0.5"
-            raise ArgumentError(f"{option} is {text!r}", wanted) from None
+            if name and value:
+                raise ArgumentError(f"{option} {name} is {value!r}", "give a number, with a point as in 0.5") from None
+            raise ArgumentError(f"{option} is {text!r}", f"write {option} NAME=VALUE, VALUE a number") from None
     return found
 
 

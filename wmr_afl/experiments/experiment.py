@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -43,6 +43,9 @@ class SimulationTable(Table):
 class Experiment(Table):
     """One robot, one reference, any number of controllers; `shared` holds for those that do not say otherwise."""
 
+    instead: ClassVar[str] = (
+        "name an experiment; from a file that identify has written copy robot, [parameters] and guess into one"
+    )
     title: str
     source: str = ""
     robot: str

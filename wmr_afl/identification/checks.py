@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,9 @@ ALIKE = 0.9  # of the samples at which two motors have the same voltage to the l
 MISSING = 5.0  # times its noise, that a pseudo-velocity has at least
 LARGEST = 0.98  # of the samples at which a voltage is at its largest
 DRIVEN = 0.1  # of the largest voltage, by which a motor's varies that is driven
+SHOWN = 3  # times of spikes that are named
+JITTER = 0.05  # of a sample, by which times from row to row differ if it is worth a word
+MANY = 0.02  # of the rows, that are missing: with more of them a log tells less than it could
 LEAST = 2.0  # [s], that a log lasts at least
 
 
@@ -48,7 +51,8 @@ def check_length(log: Log) -> None:
         WmrError: if the log is too short.
     """
     if not log.segments or log.duration < LEAST:
-        raise WmrError(f"the log lasts {log.duration:.2g} s", "log at least 10 s of motion, better 60")
+        problem = f"the log lasts {log.duration:.2g} s, and {LEAST:g} s are the least"
+        raise WmrError(problem, "log 20 s of motion, better 60")
 
 
 def check_input(log: Log, noise: Floats) -> None:
@@ -103,7 +107,9 @@ def findings(smoother: Smoother, log: Log, motions: list[Motion]) -> Iterator[Fi
     """Every check of a log that can be used."""
     if log.turned:
         yield Finding("turns", f"{', '.join(log.turned)} begins anew after a turn: counted on")
+    yield from _spikes(log)
     yield from _sensors(smoother, motions)
+    yield from _uneven(log)
     yield from _repeated(log)
     yield _voltage(log)
 
@@ -180,6 +186,32 @@ def _compared(smoother: Smoother, motions: list[Motion], k: int, wheels: list[in
     spread = np.sqrt(correlated * np.mean((y - x @ found) ** 2) * np.diag(np.linalg.inv(x.T @ x)))
     slope, lag = float(found[0]), float(found[1] / found[0]) if found[0] else 0.0
     return _Comparison(slope, float(spread[0]), lag, float(spread[1] / abs(slope)) if slope else np.inf)
+
+
+def _spikes(log: Log) -> Iterator[Finding]:
+    """Cells that were left out."""
+    for name, at in log.spikes.items():
+        text = f"{name} jumps in {len(at)} row{'' if len(at) == 1 else 's'} and is back then, {_times(at)}: left out"
+        yield Finding("spikes", text, "look at its cable and how it is read")
+
+
+def _times(at: Sequence[float]) -> str:
+    """The first of them."""
+    text = ", ".join(f"{one:.6g}" for one in at[:SHOWN])
+    return f"at t = {text} s" + (" ..." if len(at) > SHOWN else "")
+
+
+def _uneven(log: Log) -> Iterator[Finding]:
+    """Rows that do not lie on a grid of time."""
+    if log.lost == 0.0 and log.jitter < JITTER:
+        return
+    step = f"{1e3 * float(np.median([segment.step for segment in log.segments])):.3g} ms"
+    text = f"put on a grid of {step}"
+    if log.jitter >= JITTER:
+        text += f"; times from row to row differ by {log.jitter:.0%}, and voltages are means of what was held"
+    if log.lost:
+        text += f"; {max(log.lost, 0.001):.1%} of the rows are missing, and voltages there lie between those beside"
+    yield Finding("rows", text, "write every row at a fixed rate" if log.lost > MANY else "")
 
 
 def _repeated(log: Log) -> Iterator[Finding]:

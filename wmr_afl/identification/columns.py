@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from wmr_afl.numerics.arrays import Floats
 
 REPEATED = 0.2  # of the samples of a moving channel that only repeat the one before
+FAR = 4.0  # times what a channel usually bends by over three rows: motions of ten robots stay within 1.6
+_BESIDE = 3  # rows at each side of a cell
+_FEWEST = 20  # values, of which one can tell what is usual
 _OVER = 8  # samples, over which a channel that moves does so by more than three of its steps
 _LONG = 1.5  # updates, for which a value is kept only where nothing moves
 _WHOLE = 0.05  # of a step, by which a multiple of it may be off in a file of six digits
@@ -68,9 +72,31 @@ def between(grid: Floats, t: Floats, column: Floats, period: float) -> Floats:
     return np.asarray(np.interp(grid, at, values))
 
 
+def spikes(column: Floats) -> NDArray[np.bool_]:
+    """Cells that jump for up to three rows and are back then, (T,): far from the median of the seven rows around them.
+
+    Far beside what the column usually bends by over three rows, and beside how far the four that are closest to the
+    median lie apart: a motion runs through its median, however fast, and where it turns its neighbours do so, too. What
+    is kept over several rows counts as one value.
+    """
+    is_new = new_values(column)
+    values = column[is_new]
+    none = np.zeros(len(column), dtype=bool)
+    if len(values) < _FEWEST:
+        return none
+    beside = sliding_window_view(np.pad(values, _BESIDE, mode="edge"), 2 * _BESIDE + 1)
+    bent = np.abs(beside[:, 0] - 2.0 * beside[:, _BESIDE] + beside[:, -1]) / 2.0
+    apart = np.abs(beside - np.median(beside, axis=1, keepdims=True))
+    off, close = apart[:, _BESIDE], np.sort(apart, axis=1)[:, _BESIDE]
+    largest = sliding_window_view(np.pad(off, _BESIDE), 2 * _BESIDE + 1).max(axis=1)  # moves its neighbours' median
+    is_spike = (off > np.maximum(FAR * np.quantile(bent, 0.95), 2.0 * close)) & (off > 0.5 * largest)
+    return np.asarray(is_spike[np.cumsum(is_new) - 1])
+
+
 def unwrapped(column: Floats) -> Floats:
     """An angle that begins anew after a turn, counted on; the column itself if it does not."""
-    changes = np.abs(np.diff(column))
+    kept = np.delete(column, np.flatnonzero(spikes(column)))  # a spike may be as large as a turn
+    changes = np.abs(np.diff(kept))
     is_turn = np.abs(changes - 2.0 * np.pi) < 0.5 * np.pi
     if is_turn.any() and np.all(changes[~is_turn] < 0.5 * np.pi):
         return np.asarray(np.unwrap(column))

@@ -29,7 +29,7 @@ def split(log: Log, hold_out: str | float) -> tuple[Log, Log]:
     Raises:
         InputError: if there is no such segment, nothing would be left, or the share is none.
     """
-    if isinstance(hold_out, str):
+    if isinstance(hold_out, str) and not (_is_number(hold_out) and all(one.name != hold_out for one in log.segments)):
         held = [one for one in log.segments if fnmatchcase(one.name, hold_out)]
         kept = [one for one in log.segments if not fnmatchcase(one.name, hold_out)]
         names = ", ".join(dict.fromkeys(one.name or "(no name)" for one in log.segments))
@@ -37,17 +37,26 @@ def split(log: Log, hold_out: str | float) -> tuple[Log, Log]:
             problem = "is the whole log" if held else "is no segment of the log"
             raise InputError("hold_out", repr(hold_out), problem, f"name one of several (there is {names}), or a share")
         return log.of(kept), log.of(held)
-    if not 0.0 < hold_out <= 0.8:
-        raise InputError("hold_out", f"{hold_out:g}", "is no share", "choose one between 0 and 0.8, or name a segment")
+    share = float(hold_out)
+    if not 0.0 < share <= 0.8:
+        wanted = "choose one above 0 and up to 0.8, or name a segment"
+        raise InputError("hold_out", f"{share:g}", "is no share of the log that can be held out", wanted)
     lengths = [len(one) * one.step for one in log.segments]
     if len(lengths) > 2 and np.median(lengths) < SHORT:
-        count = max(1, round(hold_out * len(lengths)))
+        count = max(1, round(share * len(lengths)))
         chosen = {int((i + 0.5) * len(lengths) / count) for i in range(count)}
         kept, held = ([one for i, one in enumerate(log.segments) if (i in chosen) is so] for so in (False, True))
         return log.of(kept), log.of(held)
-    cuts = [round((1.0 - hold_out) * len(one)) for one in log.segments]
+    cuts = [round((1.0 - share) * len(one)) for one in log.segments]
     kept = [one.part(0, cut) for one, cut in zip(log.segments, cuts, strict=True)]
     return log.of(kept), log.of([one.part(cut, len(one)) for one, cut in zip(log.segments, cuts, strict=True)])
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return bool(np.isfinite(float(text)))
+    except ValueError:
+        return False
 
 
 def foretold(smoother: Smoother, motion: Motion, estimate: Estimate) -> tuple[NDArray[np.intp], Floats]:

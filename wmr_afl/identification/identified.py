@@ -68,18 +68,24 @@ class Identified:
     def told(self, estimate: Estimate | None = None) -> list[str]:
         """How well an estimate, the final one unless given, tells each number: yes, roughly, no, known or described.
 
-        By two standard deviations as a share of the number, and of friction as a share of the voltage.
+        By two standard deviations as a share of the number, and of friction as a share of the voltage: `about zero` if
+        it is no further from zero than either. `below zero` is a friction that would push its motor.
         """
         estimate = self.estimate if estimate is None else estimate
         most = max(float(np.abs(segment.u).max()) for segment in self.log.segments)
         answers = []
-        rows = zip(self.names, estimate.interval, np.abs(estimate.unknown), self.effort.is_free, strict=True)
-        for name, interval, size, is_free in rows:
-            is_slight = name in self.effort.friction_groups and interval <= SLIGHT * most
+        rows = zip(self.names, estimate.interval, estimate.unknown, self.effort.is_free, strict=True)
+        for name, interval, value, is_free in rows:
+            rubs, size = name in self.effort.friction_groups, abs(value)
+            is_slight = rubs and interval <= SLIGHT * most
             if name in self.described:
                 answers.append("described")
             elif not is_free:
                 answers.append("known")
+            elif is_slight and (size <= interval or -SLIGHT * most <= value < 0.0):
+                answers.append("about zero")
+            elif rubs and value < -interval:
+                answers.append("below zero")
             elif interval <= ROUGH * size or is_slight:
                 answers.append("yes")
             else:
@@ -90,6 +96,11 @@ class Identified:
     def undetermined(self) -> list[str]:
         """The numbers of which the log says too little; what is known needs no log."""
         return [name for name, answer in zip(self.names, self.told(), strict=True) if answer == "no"]
+
+    @property
+    def pushing(self) -> list[str]:
+        """The Coulomb frictions that are clearly below zero, as no motor's is."""
+        return [name for name, answer in zip(self.names, self.told(), strict=True) if answer == "below zero"]
 
     @property
     def rough(self) -> list[str]:
@@ -134,6 +145,8 @@ class Identified:
         text += f"; look at the checks ({doubts})" if doubts else ""
         if not self.is_explained:
             return f"{text}: this robot does not match the log; look at signs of voltages and lengths"
+        if self.pushing:
+            return f"{text}; a contradiction: friction below zero ({', '.join(self.pushing)})"
         if self.physical.is_contradiction:
             return f"{text}; a contradiction: no possible robot is like that (chi^2/n {self.physical.chi2:.3g})"
         return text
@@ -146,7 +159,7 @@ class Identified:
     @property
     def is_contradiction(self) -> bool:
         """Whether the log contradicts the description: not explained, or by no possible robot only."""
-        return self.physical.is_contradiction or not self.is_explained
+        return self.physical.is_contradiction or bool(self.pushing) or not self.is_explained
 
     @property
     def cost(self) -> float | None:
@@ -171,9 +184,9 @@ class Identified:
             strict=True,
         )
         for name, unit, value, interval, share, answer in rows:
-            told = {"no": "not determined", "roughly": f"{100 * share:.1f} %, roughly"}.get(
-                answer, f"{100 * share:.1f} %"
-            )
+            words = {"no": "not determined", "roughly": f"{100 * share:.1f} %, roughly"}
+            words |= {one: one for one in ("about zero", "below zero")}
+            told = words.get(answer, f"{100 * share:.1f} %")
             lines.append(f"{name:{width}}  {value:12.5g}  {interval:10.2g}  {told} [{unit}]")
         lines += ["", "guess = { " + ", ".join(f"{name} = {value:.5g}" for name, value in self.guess.items()) + " }"]
         return "\n".join(lines)

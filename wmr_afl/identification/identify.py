@@ -40,6 +40,7 @@ from wmr_afl.numerics.arguments import checked
 
 TRIED = 2.0  # [s], of the windows of what was held out
 HIDDEN = 1e-6  # of the voltages, that a number has which nothing tells
+REACH = 1000.0  # times the description's value, that a guess may be away: a million times are too far for the search
 HELD = 0.5  # [s] in a row, that are held out at least
 TEST = 2.0  # [s]: tests that last no longer have short test functions
 
@@ -75,6 +76,7 @@ def identify(
     model = robot if isinstance(robot, Model) else load_model(robot)
     p = model.parameters(**{**(guess or {}), **(parameters or {})})
     check_robots(model, {}, p)
+    _check_guess(model, guess or {})
     effort = Effort(model, np.asarray(p, dtype=float), coulomb, frozenset(parameters or ()))
     files = [logs] if isinstance(logs, str | Path) else logs
     log = files if isinstance(files, Log) else read_logs(model, files)
@@ -124,6 +126,23 @@ def identify(
         checks.append(Finding("motion", text, "drive such motions too"))
     possible = physical(effort, final, described)
     return Identified(smoother, log, tuple(checks), tried, final, share, possible, tuple(held), delay, described)
+
+
+def _check_guess(model: Model, guess: Mapping[str, ArrayLike]) -> None:
+    """Whether a search can begin there.
+
+    Raises:
+        InputError: if a value is too far from the description's.
+    """
+    described = dict(zip(model.parameter_units, np.asarray(model.parameters()).tolist(), strict=True))
+    for name, value in guess.items():
+        own = float(np.asarray(value))
+        if model.parameter_units[name] == "m" or own == 0.0 or described[name] == 0.0:
+            continue
+        ratio = abs(own / described[name])
+        if not 1.0 / REACH <= ratio <= REACH:
+            problem = f"is {ratio:.2g} times the description's {described[name]:g}, too far for a search to begin there"
+            raise InputError("guess", f"{name} = {own:g}", problem, f"begin within {REACH:g} times")
 
 
 def _tried(smoother: Smoother, held: list[Motion], estimate: Estimate, prior: Prior) -> Tried:

@@ -12,21 +12,17 @@ pseudo-velocity v, omega            v_i
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wmr_afl.errors import ShapeError, UnknownNameError, WmrError
-from wmr_afl.identification.columns import between, new_values, unwrapped, update_period
+from wmr_afl.identification.columns import spikes, unwrapped, update_period
+from wmr_afl.identification.rows import Rows, cut, on_grid
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
-
-GAP = 2.5  # sample times without a row: a segment ends there
-LONGEST = 0.5  # [s], from row to row
-JITTER = 0.3  # of a sample time, by which the time from row to row may differ
-SOME = 0.1  # of the rows, that may be further apart
 
 
 @dataclass(frozen=True)
@@ -78,6 +74,9 @@ class Log:
     segments: tuple[Segment, ...]
     periods: Floats  # (channels,) [s], for which a channel keeps its value; 0 where every sample is a new one
     turned: tuple[str, ...] = ()  # channels that began anew after a turn and were counted on
+    spikes: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # channel -> times of cells left out [s]
+    lost: float = 0.0  # of the rows, that are missing
+    jitter: float = 0.0  # of a sample, by which the time from row to row usually differs
 
     @property
     def duration(self) -> float:
@@ -108,8 +107,16 @@ class Log:
             first, second = (", ".join(channel.name for channel in log.channels) for log in (self, other))
             raise WmrError(f"one log measures {first}, another one {second}", "give logs with the same columns")
         turned = tuple(dict.fromkeys((*self.turned, *other.turned)))
-        longest = np.maximum(self.periods, other.periods)
-        return replace(self, segments=(*self.segments, *other.segments), periods=longest, turned=turned)
+        jumping = dict.fromkeys((*self.spikes, *other.spikes))
+        return replace(
+            self,
+            segments=(*self.segments, *other.segments),
+            periods=np.maximum(self.periods, other.periods),
+            turned=turned,
+            spikes={name: (*self.spikes.get(name, ()), *other.spikes.get(name, ())) for name in jumping},
+            lost=max(self.lost, other.lost),
+            jitter=max(self.jitter, other.jitter),
+        )
 
 
 def channel(model: Model, name: str) -> Channel:
@@ -127,10 +134,25 @@ def channel(model: Model, name: str) -> Channel:
         return Channel(name, "coordinate", state.index(of), kind == "rate")
     if not kind and of in state[n:]:
         return Channel(name, "velocity", state.index(of) - n, True)
-    motors = [f"{one}:{motor}" for motor in inputs for one in ("angle", "rate")]
-    raise UnknownNameError(
-        "column", name, ["segment", "t", *inputs, *motors, *state, *(f"rate:{q}" for q in state[:n])]
-    )
+    hint = f"it is a voltage; did you mean 'angle:{of}'?" if name in inputs else ""
+    raise UnknownNameError("column", name, measurable(model), hint)
+
+
+def measurable(model: Model) -> list[str]:
+    """The names of all columns that can be measured."""
+    state = list(model.state_units)
+    motors = [f"{one}:{motor}" for motor in model.input_units for one in ("angle", "rate")]
+    return [*motors, *state, *(f"rate:{q}" for q in state[: model.coordinate_count])]
+
+
+def usual_columns(model: Model) -> list[str]:
+    """The encoders of all motors, the angles of joints, and the rate of the heading."""
+    n = model.coordinate_count
+    units = dict(list(model.state_units.items())[:n])
+    headings = {name for frame in model.metadata["geometry"]["frames"].values() for name in (frame["heading"],)}
+    bases = [name for name in units if name in headings]
+    joints = [name for name, unit in units.items() if unit == "rad" and name not in bases]
+    return [*(f"angle:{motor}" for motor in model.input_units), *joints, *(f"rate:{name}" for name in bases)]
 
 
 def log_of(
@@ -142,17 +164,18 @@ def log_of(
 ) -> Log:
     """A log from arrays: time (T,) [s], voltages (T, n_u) [V], and (T,) for each measured column by its name.
 
-    The time from row to row may differ by a third of a sample; a gap of two samples begins another segment. Angles that
-    begin anew after a turn are counted on; a column that is written more often than it is measured is a line from one
-    new value to the next.
+    Rows need no fixed rate, and some may be lost (`rows`); a gap of more than five samples begins another segment.
+    Angles that begin anew after a turn are counted on, cells that are spikes left out; a column that is written more
+    often than it is measured is a line from one new value to the next.
 
     Raises:
         ShapeError: if the columns have different lengths, or hold what is not a finite number.
-        WmrError: if time stands still or goes backwards, rows are too irregular, or nothing is measured.
+        WmrError: if time stands still or goes backwards, too many rows are lost, or nothing is measured.
         UnknownNameError: if a column's name is unknown.
     """
     if not measured:
-        raise WmrError("the log measures nothing", "add what was measured, as angle:u_r for a motor's encoder")
+        usual = ", ".join(usual_columns(model))
+        raise WmrError("the log measures no motion", f"add encoders and gyroscope ({usual}), or what there is of them")
     channels = tuple(channel(model, name) for name in measured)
     t, u = np.asarray(time, dtype=float), np.asarray(voltages, dtype=float)
     z = (
@@ -169,46 +192,35 @@ def log_of(
         row = int(np.flatnonzero(~np.isfinite(whole).all(axis=1))[0])
         raise ShapeError(f"row {row + 1} of the log holds what is not a finite number", "leave such rows out")
     labels = np.asarray(["" for _ in t] if segments is None else segments)
-    pieces: list[_Rows] = []
+    pieces: list[Rows] = []
     starts = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1), len(t)] if len(t) else []
     for first, last in pairwise(starts):
-        pieces += _cut(_Rows(str(labels[first]), t[first:last], u[first:last], z[first:last]), first)
+        pieces += cut(Rows(str(labels[first]), t[first:last], u[first:last], z[first:last]), first)
     turned = _count_on(channels, list(model.state_units.values()), pieces)
+    bad = [np.column_stack([spikes(column) for column in one.z.T]) for one in pieces]
     times = [one.t for one in pieces]
-    periods = [update_period(times, [one.z[:, k] for one in pieces]) for k in range(len(channels))]
-    uniform = tuple(_uniform(one, np.array(periods)) for one in pieces)
-    return Log(model, channels, uniform, np.array(periods), turned)
+    periods = np.array([update_period(times, [one.z[:, k] for one in pieces]) for k in range(len(channels))])
+    grids = [on_grid(one, periods, own) for one, own in zip(pieces, bad, strict=True)]
+    jumps = {
+        one.name: tuple(float(at) for piece, own in zip(pieces, bad, strict=True) for at in piece.t[own[:, k]])
+        for k, one in enumerate(channels)
+    }
+    return Log(
+        model,
+        channels,
+        tuple(
+            Segment(piece.name, float(piece.t[0]), grid.step, grid.u, grid.z, grid.is_new)
+            for piece, grid in zip(pieces, grids, strict=True)
+        ),
+        periods,
+        turned,
+        {name: at for name, at in jumps.items() if at},
+        lost=max((grid.lost for grid in grids), default=0.0),
+        jitter=max((grid.jitter for grid in grids), default=0.0),
+    )
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Rows of a file without a gap."""
-
-    name: str
-    t: Floats  # (T,) [s]
-    u: Floats  # (T, n_u) [V]
-    z: Floats  # (T, channels)
-
-
-def _cut(rows: _Rows, before: int) -> list[_Rows]:
-    """Rows cut at gaps; parts that are too short are left out. `before` them the file has so many."""
-    if len(rows.t) < 3:
-        return []
-    steps = np.diff(rows.t)
-    if np.median(steps) > LONGEST:
-        problem = f"rows are {np.median(steps):.3g} s apart"
-        raise WmrError(problem, "give t in seconds (not milliseconds), and log at 50 Hz or more")
-    if np.any(steps <= 0.0):
-        at = int(np.flatnonzero(steps <= 0.0)[0])
-        doing = "stands still" if steps[at] == 0.0 else "goes backwards"
-        problem = f"time {doing} at t = {rows.t[at + 1]:g} s (row {before + at + 2})"
-        raise WmrError(problem, "order the rows, and name tests that were run one after another in a column `segment`")
-    cuts = [0, *(np.flatnonzero(steps > GAP * np.median(steps)) + 1), len(rows.t)]
-    parts = [slice(first, last) for first, last in pairwise(cuts) if last - first >= 3]
-    return [_Rows(rows.name, rows.t[part], rows.u[part], rows.z[part]) for part in parts]
-
-
-def _count_on(channels: Sequence[Channel], units: Sequence[str], pieces: Sequence[_Rows]) -> tuple[str, ...]:
+def _count_on(channels: Sequence[Channel], units: Sequence[str], pieces: Sequence[Rows]) -> tuple[str, ...]:
     """Count on, in their place, angles that begin anew after a turn; their names."""
     turned: dict[str, None] = {}
     for k, one in enumerate(channels):
@@ -219,21 +231,3 @@ def _count_on(channels: Sequence[Channel], units: Sequence[str], pieces: Sequenc
             if np.any(whole != piece.z[:, k]):
                 piece.z[:, k], turned[one.name] = whole, None
     return tuple(turned)
-
-
-def _uniform(rows: _Rows, periods: Floats) -> Segment:
-    """Rows on a uniform grid."""
-    t, step = rows.t, float(np.median(np.diff(rows.t)))
-    taken = np.round(np.diff(t) / step).astype(int)  # samples from row to row: a row may be missing
-    even = float(t[-1] - t[0]) / max(int(taken.sum()), 1)
-    grid = t[0] + even * np.arange(int(taken.sum()) + 1)
-    if np.mean(np.abs(np.diff(t) / even - 1.0) > JITTER) > SOME:
-        raise WmrError(f"rows near t = {t[0]:g} s are too irregular for a grid", "log at a fixed rate, or resample")
-    held = np.clip(np.searchsorted(t, grid + 1e-9 * even, side="right") - 1, 0, len(t) - 1)
-    z = np.column_stack([between(grid, t, column, period) for column, period in zip(rows.z.T, periods, strict=True)])
-    is_new = np.ones(z.shape, dtype=bool)
-    for k, period in enumerate(periods):
-        if period:
-            at = t[new_values(rows.z[:, k])]
-            is_new[:, k] = np.isin(np.arange(len(grid)), np.round((at - t[0]) / even))
-    return Segment(rows.name, float(t[0]), even, rows.u[held], z, is_new)

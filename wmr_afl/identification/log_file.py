@@ -9,14 +9,16 @@ from __future__ import annotations
 import csv
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
-from wmr_afl.errors import ArgumentError, InputError, WmrError
-from wmr_afl.identification.log import Log, channel, log_of
+from wmr_afl.errors import ArgumentError, InputError, UnknownNameError, WmrError
+from wmr_afl.identification.log import Log, channel, log_of, measurable
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
+from wmr_input.csv_file import check_separator
 from wmr_input.whole_files import write_whole
 
 TIME = ("t", "time")
@@ -39,7 +41,7 @@ def read_logs(model: Model, files: Iterable[str | Path]) -> Log:
 
     Raises:
         InputError: if a file cannot be read, a column is missing or unknown, a unit is not the model's, or a cell is
-            not a number.
+            not a number, or a log is given twice.
         WmrError: if the files do not measure the same, or time does not go on.
     """
     try:
@@ -51,10 +53,21 @@ def read_logs(model: Model, files: Iterable[str | Path]) -> Log:
     logs = [read_log(model, path) for path in paths]
     if len(logs) > 1:
         logs = [_named(log, path.stem) for log, path in zip(logs, paths, strict=True)]
+    for (path, log), (other, again) in combinations(zip(paths, logs, strict=True), 2):
+        if _is_same(log, again):
+            raise InputError(str(other), "", f"holds the same rows as {path}", "give each log once")
     whole = logs[0]
     for log in logs[1:]:
         whole = whole.joined(log)
     return whole
+
+
+def _is_same(one: Log, other: Log) -> bool:
+    """Whether two logs hold the same, so that one would count twice."""
+    if one.channels != other.channels or len(one.segments) != len(other.segments):
+        return False
+    pairs = zip(one.segments, other.segments, strict=True)
+    return all(np.array_equal(a.u, b.u) and np.array_equal(a.z, b.z) for a, b in pairs)
 
 
 def _named(log: Log, name: str) -> Log:
@@ -116,6 +129,7 @@ def table(file: str) -> tuple[list[str], list[int], list[list[str]]]:
                     continue
                 if not names:
                     names = [cell.strip() for cell in row]
+                    check_separator(file, reader.line_num, names)
                     continue
                 if len(row) != len(names):
                     problem = f"has {len(row)} cells for {len(names)} columns"
@@ -167,7 +181,9 @@ def _check_names(model: Model, names: list[str], file: str) -> None:
         if name not in (*TIME, "segment", *model.input_units) and not name.startswith(OF_A_RUN):
             try:
                 channel(model, name)
-            except WmrError as error:
+            except WmrError:
+                known = ["segment", "t", *model.input_units, *measurable(model)]
+                error = UnknownNameError("column", name, known)
                 raise InputError(file, "", error.problem, error.remedy) from None
 
 

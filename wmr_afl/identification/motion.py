@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wmr_afl.errors import WmrError
 from wmr_afl.identification.effort import Effort
-from wmr_afl.identification.log import Channel, Segment
+from wmr_afl.identification.log import Channel, Segment, usual_columns
 from wmr_afl.identification.noise import parabola
 from wmr_afl.numerics.arrays import Floats
 
@@ -48,7 +48,9 @@ class Smoother:
 
     def __post_init__(self) -> None:
         if not self.used.any():
-            raise WmrError("no column tells how the robot moves", "add the motors' encoders, angle:INPUT")
+            names, usual = ", ".join(one.name for one in self.channels), ", ".join(usual_columns(self.effort.model))
+            problem = f"{names} alone {'does' if len(self.channels) == 1 else 'do'} not tell how the robot moves"
+            raise WmrError(problem, f"add encoders and gyroscope ({usual}), or what there is of them")
         x = np.random.default_rng(0).normal(size=(4, self.effort.n))
         rank = int(np.linalg.matrix_rank(self.rows(x)[:, self.used]).min())
         if rank < self.effort.n_v:

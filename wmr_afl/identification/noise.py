@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wmr_afl.identification.columns import quantum
 from wmr_afl.identification.log import Log
@@ -20,14 +21,22 @@ def parabola(half: int) -> Floats:
 def standard_deviations(log: Log) -> Floats:
     """Of each channel's samples, (channels,): quantum/sqrt 12, or what smoothing takes away if there are no steps."""
     found = []
-    for k in range(len(log.channels)):
+    for k, period in enumerate(log.periods):
         columns = [segment.z[segment.is_new[:, k], k] for segment in log.segments]
         steps = [step for step in map(quantum, columns) if step > 0.0]
         if 2 * len(steps) > len(columns):
             found.append(min(steps) / np.sqrt(12.0))
             continue
+        if period == 0.0:  # smoothing goes from sample to sample: not over those that are missing
+            columns = [run for segment in log.segments for run in _runs(segment.z[:, k], segment.is_new[:, k])]
         found.append(_scatter(columns))
     return np.array(found)
+
+
+def _runs(column: Floats, is_new: NDArray[np.bool_]) -> list[Floats]:
+    """The parts of a column without a sample that is missing."""
+    at = np.flatnonzero(is_new)
+    return np.split(column[at], np.flatnonzero(np.diff(at) > 1) + 1)
 
 
 def _scatter(columns: list[Floats]) -> float:

@@ -235,7 +235,9 @@ class OutputError:
             cost = now.cost(weight) + self._surprise(unknown, precision)
             normal, gradient = self._normal(now, weight, scale**2 * precision)
             gradient = gradient - scale * precision * (unknown - self.mean)
-            for _ in range(TRIES):
+            least = _DONE * cost / self.samples
+            promised = float(gradient @ np.linalg.solve(normal, gradient))
+            for _ in range(TRIES if promised > least else 1):  # more damping gives less still
                 step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
                 other = self._limited(unknown, scale * step)
                 moved = first + now.start - now.start_slope @ ((other - unknown) / scale)
@@ -246,7 +248,7 @@ class OutputError:
             else:
                 break
             unknown, first, now, damping = other, moved, self._linearized(other, scale, moved), damping / 10.0
-            if cost - tried < _DONE * cost / self.samples:
+            if cost - tried < least:
                 break
         self.first = first + now.start
         return self._found(unknown, scale, now)

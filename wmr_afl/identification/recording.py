@@ -16,7 +16,7 @@ from scipy.integrate import simpson
 
 from wmr_afl.errors import SimulationError, WmrError
 from wmr_afl.experiments.load import load_experiment
-from wmr_afl.identification.log import Channel, Log, Segment, channel
+from wmr_afl.identification.log import Channel, Log, Segment, channel, usual_columns
 from wmr_afl.identification.voltages import Voltages
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arguments import checked
@@ -92,16 +92,6 @@ class Drive:
             return np.asarray(column)
         quantum = 2.0 * np.pi / steps
         return np.asarray(np.floor(column / quantum) * quantum)
-
-
-def usual_columns(model: Model) -> list[str]:
-    """The encoders of all motors, the angles of joints, and the rate of the heading."""
-    n = model.coordinate_count
-    units = dict(list(model.state_units.items())[:n])
-    headings = {name for frame in model.metadata["geometry"]["frames"].values() for name in (frame["heading"],)}
-    bases = [name for name in units if name in headings]
-    joints = [name for name, unit in units.items() if unit == "rad" and name not in bases]
-    return [*(f"angle:{motor}" for motor in model.input_units), *joints, *(f"rate:{name}" for name in bases)]
 
 
 def drive(loop: ClosedLoop, commands: Commands, samples: int, substeps: int = SUBSTEPS) -> Drive:

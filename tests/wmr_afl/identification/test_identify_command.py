@@ -117,7 +117,18 @@ def filled(**texts: str) -> Callable[[Rows], None]:
     return change
 
 
+def separated(by: str) -> Callable[[Rows], None]:
+    def change(rows: Rows) -> None:
+        rows[:] = [[by.join(row)] for row in rows]
+
+    return change
+
+
 CELL = "write a number, or leave the row out"
+POSITION = (
+    "x alone does not tell how the robot moves; add encoders and gyroscope (angle:u_r, angle:u_l, rate:phi), or what "
+    "there is of them"
+)
 NAMES = "segment, t, u_r, u_l, angle:u_r, rate:u_r, angle:u_l, rate:u_l, x, y, phi, v, omega, rate:x, rate:y, rate:phi"
 WRONG: dict[str, tuple[Callable[[Rows], None], str]] = {
     "a missing column": (without("u_l"), "log.csv: column u_l: is missing; add the voltage of each motor of type_2_0"),
@@ -129,7 +140,20 @@ WRONG: dict[str, tuple[Callable[[Rows], None], str]] = {
     "degrees": (renamed("angle:u_l", "phi [deg]"), "log.csv: column phi: is in deg; convert it to rad"),
     "nothing measured": (
         lambda rows: [without(f"angle:{motor}")(rows) for motor in ("u_r", "u_l")].clear(),
-        "log.csv: the log measures nothing; add what was measured, as angle:u_r for a motor's encoder",
+        "log.csv: the log measures no motion; add encoders and gyroscope (angle:u_r, angle:u_l, rate:phi), or what "
+        "there is of them",
+    ),
+    "a position only": (
+        lambda rows: [change(rows) for change in (without("angle:u_r"), renamed("angle:u_l", "x"))].clear(),
+        POSITION,
+    ),
+    "semicolons": (
+        separated(";"),
+        "log.csv: line 1: has semicolons between its cells; write commas between cells, and points in numbers",
+    ),
+    "tabs": (
+        separated("\t"),
+        "log.csv: line 1: has tabs between its cells; write commas between cells, and points in numbers",
     ),
     "time backwards": (
         cell(100, "t", "0.5"),
@@ -150,8 +174,8 @@ WRONG: dict[str, tuple[Callable[[Rows], None], str]] = {
         filled(u_r="6", u_l="5"),
         "the voltages never change; vary them, as `wmr-afl excite` proposes, or begin at rest with 0 V",
     ),
-    "too short": (shorter(60), "the log lasts 1.2 s; log at least 10 s of motion, better 60"),
-    "header only": (shorter(0), "the log lasts 0 s; log at least 10 s of motion, better 60"),
+    "too short": (shorter(60), "the log lasts 1.2 s, and 2 s are the least; log 20 s of motion, better 60"),
+    "header only": (shorter(0), "the log lasts 0 s, and 2 s are the least; log 20 s of motion, better 60"),
 }
 
 
@@ -177,14 +201,25 @@ def test_voltages_at_their_limit_throughout_are_refused() -> None:
         ([ROBOT, "none.csv"], "none.csv: cannot be read (No such file or directory); name a CSV file"),
         ([ROBOT, "log.csv", "none.csv"], "none.csv: cannot be read"),
         (["car", "log.csv"], "log.csv: column u_drive: is missing; "),
-        ([ROBOT, "log.csv", "--set", "r"], "--set is 'r'; write --set NAME=VALUE, as in --set beta=0.5"),
+        ([ROBOT, "log.csv", "--set", "r"], "--set is 'r'; write --set NAME=VALUE, VALUE a number"),
+        ([ROBOT, "log.csv", "--set", "r=abc"], "--set r is 'abc'; give a number, with a point as in 0.5"),
+        ([ROBOT, "log.csv", "--guess", "m_C = 1,5"], "--guess m_C is '1,5'; give a number, with a point as in 0.5"),
+        ([ROBOT, "log.csv", "--guess", "m_C=1e9"], "guess: m_C = 1e+09: is "),
+        ([ROBOT, "log.csv", "--guess", "K1=1e-9"], "guess: K1 = 1e-09: is "),
+        ([ROBOT, "log.csv", "log.csv"], "log.csv: holds the same rows as log.csv; give each log once"),
         ([ROBOT, "log.csv", "--set", "radius=1"], "unknown parameter of type_2_0 'radius'; "),
         ([ROBOT, "log.csv", "--set", "r=0"], "the radius of wheel 'right' is "),
         ([ROBOT, "log.csv", "--set", "m_C=-3"], "m_C = -3 kg is negative; "),
         ([ROBOT, "log.csv", "--set", "r=nan"], "parameter r is nan; give finite numbers"),
-        ([ROBOT, "log.csv", "--hold-out", "0.9"], "hold_out: 0.9: is no share; "),
+        *(
+            (
+                [ROBOT, "log.csv", "--hold-out", share],
+                f"hold_out: {share}: is no share of the log that can be held out; choose one above 0 and up to 0.8, or "
+                "name a segment",
+            )
+            for share in ("0", "1", "0.9", "3", "-1")
+        ),
         ([ROBOT, "log.csv", "--hold-out", "0.001"], "hold_out: 0.001: holds out less than 0.5 s in a row; "),
-        ([ROBOT, "log.csv", "--hold-out", "3"], "hold_out: '3': is no segment of the log; name one of several "),
         ([ROBOT, "log.csv", "--hold-out", "fast"], "hold_out: 'fast': is no segment of the log; "),
         ([ROBOT, "log.csv", "--delay", "20"], "delay: 20: is no dead time of a motor; give it in seconds, as 0.02"),
         ([ROBOT, "log.csv", "--coulomb", "some"], "unknown kind of friction 'some'; there is each, grouped, none"),
@@ -297,6 +332,16 @@ def test_numbers_for_an_experiment(found: Identified, tmp_path: Path) -> None:
     assert loop.states["theta_hat"] == pytest.approx(found.model.base_parameters(p), rel=0.02)
 
 
+def test_what_was_identified_is_no_experiment_and_says_so_in_one_line(found: Identified) -> None:
+    Path("identified.toml").write_text(toml_text(found, "small.csv"))
+    result = CliRunner().invoke(app, ["simulate", "identified.toml"])
+    assert result.exit_code == 2
+    assert result.stderr == (
+        "error: identified.toml: is no experiment: it has no [reference], no [simulation], no [controllers]; name an "
+        "experiment; from a file that identify has written copy robot, [parameters] and guess into one\n"
+    )
+
+
 def test_parameters_given_stay_and_fix_the_scale(drive: Log) -> None:
     weighed = identify(ROBOT, drive, parameters={**GEOMETRY, "m_C": SMALL["m_C"]})
     assert weighed.physical.scaled == ()
@@ -342,6 +387,32 @@ def test_a_wrong_sign_is_a_contradiction(drive: Log) -> None:
     assert any("of the wrong sign" in text for text in open_ends(wrong))
 
 
+@pytest.mark.parametrize(
+    ("value", "interval", "answer"),
+    [
+        (0.4, 0.01, "yes"),
+        (0.005, 0.01, "about zero"),
+        (-0.005, 0.01, "about zero"),
+        (-0.03, 0.01, "about zero"),  # of 8 V: less than a log tells
+        (-0.4, 0.01, "below zero"),
+        (-0.4, 0.2, "below zero"),
+        (-0.4, 0.5, "no"),
+    ],
+)
+def test_friction_below_zero_is_none_or_a_contradiction(
+    found: Identified, value: float, interval: float, answer: str
+) -> None:
+    """It never says that it is told: no motor is pushed by its friction."""
+    k = found.names.index("coulomb_u_r")
+    unknown, covariance = found.estimate.unknown.copy(), found.estimate.covariance.copy()
+    unknown[k], covariance[k, k] = value, (0.5 * interval) ** 2
+    other = replace(found, estimate=replace(found.estimate, unknown=unknown, covariance=covariance))
+    assert other.told()[k] == answer
+    assert other.is_contradiction is (answer == "below zero")
+    assert ("friction below zero (coulomb_u_r)" in other.verdict) is other.is_contradiction
+    assert any("below zero" in text for text in open_ends(other)) is other.is_contradiction
+
+
 def test_what_voltages_cannot_tell_is_said(found: Identified) -> None:
     assert found.physical.scaled == ("m_C", "m_w", "I_m", "I_C", "K1", "K2")
     texts = list(open_ends(found))
@@ -355,13 +426,23 @@ def test_the_page_holds_everything(found: Identified) -> None:
     assert page.index(found.verdict.replace("'", "&#39;"), first) < page.index("<h2>")
     for text in (
         *("Checks of the log", "Base parameters", "SysId", "What was held out", "Physical parameters"),
-        *("What is not determined", "weak form", "output error", "<th>voltage</th>", "&lt;small&gt;.csv", "guess = {"),
+        *(
+            "What is not determined",
+            "weak form",
+            "output error",
+            "<th>of voltage</th>",
+            "some exceed 100 %",
+            "&lt;small&gt;.csv",
+            "guess = {",
+        ),
         *(name for name in found.names),
         *(name for name in found.parameters),
         *(check.text for check in found.checks),
         *(f"{value:.5g}" for value in found.estimate.unknown),
     ):
         assert text.replace("'", "&#39;") in page, text
+    assert page.count("<table") == page.count('<div class="table"><table') == page.count("</table></div>")  # scrolling
+    assert page.count('class="formula"><div>') == len(found.names)
     assert page.count("data:image/png;base64,") == len(found.held) == 1
     assert not re.search(r"(src|href)=\"(?!data:)", page)
 

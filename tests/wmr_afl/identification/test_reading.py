@@ -37,18 +37,91 @@ def simple(time: np.ndarray, **columns: np.ndarray) -> Log:
 
 
 def test_rows_come_to_lie_on_a_grid() -> None:
-    """Jitter is evened out; a gap begins another segment; voltages are held, not averaged."""
+    """Jitter is evened out; a gap begins another segment; a voltage that is held over a sample stays what it is."""
     random = np.random.default_rng(0)
     time = 0.02 * np.arange(200) + random.uniform(-0.002, 0.002, 200)
     u = np.repeat(np.arange(20.0), 10)[:, None] * np.ones(2)
     log = log_of(UNICYCLE, time, u, {"angle:u_r": 3.0 * time, "angle:u_l": time})
     (segment,) = log.segments
     np.testing.assert_allclose(segment.z[:, 0], 3.0 * segment.time, atol=1e-12)
-    assert set(np.unique(segment.u)) <= set(np.arange(20.0))
+    assert np.mean(np.isclose(segment.u[:, 0], np.round(segment.u[:, 0]))) > 0.85
     assert abs(segment.step - 0.02) < 1e-4
     two = simple(np.concatenate([0.02 * np.arange(50), 3.0 + 0.02 * np.arange(60)]))
     assert [len(one) for one in two.segments] == [50, 60]
     assert abs(two.duration - 110 * 0.02) < 1e-9
+
+
+@pytest.mark.parametrize("jitter", [0.1, 0.3, 0.37])
+def test_voltages_of_uneven_rows_are_means_of_what_was_held(jitter: float) -> None:
+    """Their sum over time is that of the rows, to the last sample; the robot turns by no more and no less."""
+    random = np.random.default_rng(1)
+    time = 0.02 * np.arange(300) + 0.02 * random.uniform(-jitter, jitter, 300)
+    volts = random.normal(size=(300, 2))
+    (segment,) = log_of(UNICYCLE, time, volts, {"angle:u_r": time, "angle:u_l": time}).segments
+    held = np.vstack([np.zeros((1, 2)), np.cumsum(volts[:-1] * np.diff(time)[:, None], axis=0)])
+    exact = np.column_stack([np.interp(segment.time, time, one) for one in held.T])
+    np.testing.assert_allclose(segment.step * np.cumsum(segment.u[:-1], axis=0), exact[1:], atol=1e-9)
+    assert segment.is_new.all()
+
+
+def test_a_row_that_is_lost_lies_between_the_others() -> None:
+    """Voltage and angles alike, and it is no measurement; rows that were written at a fixed rate stay as they are."""
+    time = 0.02 * np.arange(100)
+    kept = np.delete(np.arange(100), [20, 50, 51])
+    volts = np.column_stack([time, time])
+    (segment,) = log_of(UNICYCLE, time[kept], volts[kept], {"angle:u_r": time[kept], "angle:u_l": time[kept]}).segments
+    np.testing.assert_allclose(segment.u, volts, atol=1e-9)
+    np.testing.assert_allclose(segment.z[:, 0], time, atol=1e-12)
+    np.testing.assert_array_equal(np.flatnonzero(~segment.is_new[:, 0]), [20, 50, 51])
+    (whole,) = log_of(UNICYCLE, time, volts, {"angle:u_r": time, "angle:u_l": time}).segments
+    np.testing.assert_array_equal(whole.u, volts)
+
+
+def test_rows_that_were_lost_are_told() -> None:
+    """And their share."""
+    log = logged("type_2_0")
+    (segment,) = log.segments
+    kept = np.random.default_rng(0).uniform(size=len(segment)) > 0.1
+    columns = {one.name: segment.z[kept, k] for k, one in enumerate(log.channels)}
+    less = log_of(log.model, segment.time[kept], segment.u[kept], columns)
+    assert less.lost == pytest.approx(1.0 - kept.mean(), abs=1e-3)
+    assert f"rows: put on a grid of 20 ms; {less.lost:.1%} of the rows are missing" in text_of(less)
+    assert "rows:" not in text_of(log)
+
+
+@pytest.mark.parametrize(("name", "by", "rows"), [("angle:u_r", 5.0, 1), ("rate:phi", 50.0, 1), ("angle:u_l", -9.0, 3)])
+def test_a_cell_that_jumps_is_left_out(name: str, by: float, rows: int) -> None:
+    """It is told where, what is put in its place lies between its neighbours, and no wheel radius is blamed."""
+    log = logged("type_2_0")
+    k, at = [one.name for one in log.channels].index(name), slice(200, 200 + rows)
+
+    def spoilt(t: Floats, z: Floats) -> tuple[Floats, Floats]:
+        z = z.copy()
+        z[at, k] += by
+        return t, z
+
+    wrong = rewritten(log, spoilt)
+    (found,), (true,) = wrong.segments, log.segments
+    np.testing.assert_allclose(wrong.spikes[name], true.time[at])
+    assert np.abs(found.z - true.z)[at, k].max() < 0.5
+    np.testing.assert_array_equal(np.flatnonzero(~found.is_new[:, k]), np.arange(200, 200 + rows))
+    text = text_of(wrong)
+    assert f"spikes: {name} jumps in {rows} row{'' if rows == 1 else 's'} and is back then, at t = 4" in text
+    assert "rate:phi agrees to" in text
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_no_motion_is_a_spike(robot: str) -> None:
+    """However fast it is, and however often values repeat, rows are lost or angles begin anew after a turn."""
+    log = logged(robot)
+    (segment,) = log.segments
+    angles = [not one.is_rate for one in log.channels]
+    kept = np.random.default_rng(0).uniform(size=len(segment)) > 0.1
+    wrapped = np.where(angles, (segment.z + np.pi) % (2.0 * np.pi) - np.pi, segment.z)
+    every = np.arange(len(segment)) // 4 * 4
+    for z, rows in ((segment.z, kept), (segment.z[every], slice(None)), (wrapped, slice(None))):
+        columns = {one.name: z[rows, k] for k, one in enumerate(log.channels)}
+        assert not log_of(log.model, segment.time[rows], segment.u[rows], columns).spikes
 
 
 @pytest.mark.parametrize(
@@ -57,9 +130,9 @@ def test_rows_come_to_lie_on_a_grid() -> None:
         (np.array([0.0, 0.1, 0.2, 0.2, 0.3]), "time stands still at t = 0.2 s (row 4)"),
         (np.array([0.0, 0.1, 0.2, 0.1, 0.3]), "time goes backwards at t = 0.1 s (row 4)"),
         (np.array([0.0, 0.1, 0.2, np.nan, 0.3]), "row 4 of the log holds what is not a finite number"),
-        (np.cumsum(np.tile([0.01, 0.024], 40)), "too irregular"),
+        (0.02 * np.flatnonzero(np.arange(100) % 5 < 3), "39% of the rows after t = 0 s are missing (one each 20 ms"),
     ],
-    ids=["still", "backwards", "NaN", "irregular"],
+    ids=["still", "backwards", "NaN", "lost"],
 )
 def test_time_goes_on(time: np.ndarray, told: str) -> None:
     """Or it is said where it does not."""
@@ -79,7 +152,14 @@ def test_a_log_is_what_was_written(tmp_path: Path) -> None:
     for one, other in zip(again.segments, log.segments, strict=True):
         np.testing.assert_allclose(one.z, other.z, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(one.u, other.u, rtol=1e-9, atol=1e-12)
-    assert read_logs(log.model, [tmp_path / "log.csv"] * 2).duration == pytest.approx(2.0 * log.duration)
+    (first, second) = log.segments
+    write_log(log.of([first, second.part(10, len(second))]), tmp_path / "other.csv")
+    both = read_logs(log.model, [tmp_path / "log.csv", tmp_path / "other.csv"])
+    assert [one.name for one in both.segments] == ["log first", "log second", "other first", "other second"]
+    (tmp_path / "copy.csv").write_bytes((tmp_path / "log.csv").read_bytes())
+    for again in ("log.csv", "copy.csv"):
+        with pytest.raises(WmrError, match=rf"{again}: holds the same rows as .*log\.csv; give each log once"):
+            read_logs(log.model, [tmp_path / "log.csv", tmp_path / "other.csv", tmp_path / again])
     text = "time [s],x [m],phi [rad],v [m/s],u_r [V],u_l [V],command_u_r [V],error_y1 [m],estimate_theta1 [1/s]\n"
     text += "".join(f"{0.02 * k},0,0,1,1,1,1,0,0\n" for k in range(20))
     (tmp_path / "run.csv").write_text(text)
@@ -99,6 +179,9 @@ def test_the_step_of_an_encoder_is_read_off(step: float) -> None:
     assert quantum(noisy) == 0.0
     log = log_of(UNICYCLE, time, np.ones((len(time), 2)), {"angle:u_r": noisy, "angle:u_l": noisy})
     np.testing.assert_allclose(standard_deviations(log), 1e-3, rtol=0.1)
+    kept = np.random.default_rng(1).uniform(size=len(time)) > 0.1  # smoothing goes over no row that is lost
+    less = log_of(UNICYCLE, time[kept], np.ones((kept.sum(), 2)), {"angle:u_r": noisy[kept], "angle:u_l": noisy[kept]})
+    np.testing.assert_allclose(standard_deviations(less), 1e-3, rtol=0.1)
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

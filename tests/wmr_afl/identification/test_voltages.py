@@ -85,6 +85,10 @@ def test_a_log_is_recorded_from_the_command_line(tmp_path: Path) -> None:
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
     for wrong, told in (
         (["--measured", "angle:odd"], "unknown column 'angle:odd'"),
+        (
+            ["--measured", "u_r"],
+            "unknown column 'u_r'; it is a voltage; did you mean 'angle:u_r'? (there is",
+        ),
         (["--encoder", "-1"], "encoder is -1"),
         (["--every", "0"], "a row every 0 samples"),
         (["--seconds", "0"], "has 0 samples"),

@@ -66,7 +66,7 @@ def figure(found: Validation) -> Figure:
     path.plot(*model.T, **plots.REFERENCE)
     path.plot(*engine.T, "--", color="black", linewidth=1.0)
     path.plot(*model[0], "o", color="black", markersize=4)
-    path.set(xlabel="x [m]", ylabel="y [m]", title="path of the root, from the dot")
+    path.set(xlabel="x [m]", ylabel="y [m]", title="path of the root")
     path.set_aspect("equal", "datalim")
     drawing.suptitle(f"{found.model.title}: the same voltages through the generated model and MuJoCo")
     return drawing

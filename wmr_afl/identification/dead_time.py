@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from wmr_afl.identification.output_error import OutputError, delayed, windows_of
 from wmr_afl.identification.weak_form import WeakForm
 
 MOST = 0.12  # [s], that is tried both ways
+COARSE = 4  # steps of the search at first; then each in between
 CLEAR = 0.1  # of what simulated windows leave, which a delay has to explain to be believed
 
 
@@ -28,12 +30,18 @@ def dead_time(smoother: Smoother, motions: Sequence[Motion], weak: WeakForm, win
     """
     step = float(np.median([motion.segment.step for motion in motions]))
     count = min(8, max(2, round(MOST / step)))
-    tried = np.linspace(-MOST, MOST, 4 * count + 1)
-    left = [weak.estimate(_delayed(smoother, motions, delay)).left for delay in tried]
-    best = int(np.argmin(left))
+    tried = np.linspace(-MOST, MOST, COARSE * count + 1)
+
+    @cache
+    def left(k: int) -> float:
+        return weak.estimate(_delayed(smoother, motions, float(tried[k]))).left
+
+    best = min(range(0, len(tried), COARSE), key=left)
+    best = min(range(max(0, best - COARSE + 1), min(len(tried), best + COARSE)), key=left)
     if best in (0, len(tried) - 1):  # it would go on: what is wrong is something else
         return float(tried[best]), 0.0
-    curve = np.polyfit(tried[best - 1 : best + 2], left[best - 1 : best + 2], 2)
+    near = range(best - 1, best + 2)
+    curve = np.polyfit(tried[near], [left(k) for k in near], 2)
     found = float(-curve[1] / (2.0 * curve[0]))
     misfits = []
     for delay in (0.0, found):

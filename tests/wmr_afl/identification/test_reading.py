@@ -51,6 +51,16 @@ def test_rows_come_to_lie_on_a_grid() -> None:
     assert abs(two.duration - 110 * 0.02) < 1e-9
 
 
+def test_less_than_three_rows_are_no_segment() -> None:
+    """Whether a gap leaves them or a name."""
+    time = np.concatenate([0.02 * np.arange(50), [3.0, 3.02], 6.0 + 0.02 * np.arange(3)])
+    assert [len(one) for one in simple(time).segments] == [50, 3]
+    measured = {"angle:u_r": np.sin(time), "angle:u_l": np.cos(time)}
+    names = np.repeat(["a", "b", "c"], [50, 2, 3]).tolist()
+    log = log_of(UNICYCLE, time, np.ones((len(time), 2)), measured, names)
+    assert [(one.name, len(one)) for one in log.segments] == [("a", 50), ("c", 3)]
+
+
 @pytest.mark.parametrize(
     ("time", "told"),
     [
@@ -84,6 +94,16 @@ def test_a_log_is_what_was_written(tmp_path: Path) -> None:
     text += "".join(f"{0.02 * k},0,0,1,1,1,1,0,0\n" for k in range(20))
     (tmp_path / "run.csv").write_text(text)
     assert [one.name for one in read_log(UNICYCLE, tmp_path / "run.csv").channels] == ["x", "phi", "v"]
+
+
+@pytest.mark.parametrize(
+    ("file", "told"), [("a\0b", "'a\\x00b': is no path"), ("nowhere.csv", "nowhere.csv: cannot be")]
+)
+def test_a_file_that_cannot_be_is_told(file: str, told: str) -> None:
+    """In one line."""
+    with pytest.raises(WmrError) as error:
+        read_log(UNICYCLE, file)
+    assert told in str(error.value)
 
 
 @pytest.mark.parametrize("step", [2 * np.pi / 2048, 0.01, 0.0])

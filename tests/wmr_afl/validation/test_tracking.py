@@ -238,6 +238,19 @@ def test_what_one_sees_is_where_the_robot_is(name: str) -> None:
     assert np.all((high[:2] >= wheels[:, :2].max(axis=0)) & (high[:2] < places.max(axis=0) + 1.5 * radius))
 
 
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_plate_covers_what_its_frame_holds(name: str) -> None:
+    """Bodies, wheels and what is hinged to it."""
+    mechanism = mechanism_of(name)
+    model = Engine(mechanism, Contact(), mechanism.loads(np.zeros(mechanism.model.coordinate_count))).model
+    for frame in mechanism.frames:
+        (plate,) = np.flatnonzero((model.geom_bodyid == model.body(frame.name).id) & (model.geom_type == 6))  # a box
+        parts = [one.at for one in (*mechanism.wheels, *mechanism.bodies) if one.frame == frame.name]
+        parts += [one.at for one in mechanism.frames if one.parent == frame.name]
+        for at in (*parts, np.zeros(2)):
+            assert np.all(np.abs(at - model.geom_pos[plate, :2]) <= model.geom_size[plate, :2] + 1e-12)
+
+
 class Eye:
     """In the place of the engine's means of drawing: it keeps where it was told to look, and draws nothing."""
 

@@ -274,3 +274,33 @@ def test_agreement_means_nothing_where_wheels_slip(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("wmr_afl.validation.engine.SLIPS", 0.01)
     with pytest.raises(WmrError, match="it slips; agreement would mean nothing"):
         validate("car", seconds=2.0, count=1)
+
+
+@pytest.mark.parametrize(("friction", "slips"), [(0.02, True), (2.0, False)])
+def test_a_wheel_that_slips_is_told(friction: float, slips: bool) -> None:
+    """It needs all the friction that there is; what rolls needs less."""
+    mechanism = mechanism_of("type_2_0_caster")
+    q = np.zeros(mechanism.model.coordinate_count)
+    engine = Engine(mechanism, Contact(friction=friction), mechanism.loads(q))
+    engine.start(q, q)
+    engine.drive(np.full(2, 0.5), 30)
+    if not slips:
+        engine.grip.check(mechanism, friction, "the test")
+        return
+    with pytest.raises(WmrError, match=r"the test needs 0\.02 of the load in friction at wheel \w+: it slips"):
+        engine.grip.check(mechanism, friction, "the test")
+
+
+def test_random_states_at_which_wheels_slip_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And counted; where all do nothing is judged."""
+    mechanism = mechanism_of("car")
+    monkeypatch.setattr("wmr_afl.validation.bursts.SLIPS", 0.002)
+    some = bursts(mechanism, count=30)
+    assert 0 < some.slipped < 30
+    assert some.rms.max() < bound(mechanism)
+    monkeypatch.setattr("wmr_afl.validation.bursts.SLIPS", 0.0)
+    none = bursts(mechanism, count=5)
+    assert (none.slipped, none.count) == (5, 5)
+    assert np.isnan([none.rms, none.worst]).all()
+    with pytest.raises(WmrError, match="every random state needs more friction than there is"):
+        validate("car", count=2, seconds=0.1)

@@ -273,6 +273,14 @@ def test_a_channel_that_hardly_moves_says_nothing_of_its_rate() -> None:
     assert quantum(turning) == pytest.approx(1e-3)
 
 
+@pytest.mark.parametrize(("count", "period"), [(1, 0.0), (8, 0.0), (9, 0.0), (38, 0.0), (60, 0.02)])
+def test_few_samples_say_nothing_of_a_rate(count: int, period: float) -> None:
+    """Half a second is enough."""
+    t = 0.01 * np.arange(count)
+    held = np.sin(t)[np.arange(count) // 2 * 2]
+    assert update_period([t], [held]) == pytest.approx(period, rel=0.1)
+
+
 def test_a_dead_encoder_is_told() -> None:
     """One that stands still although its motor has voltage; not one of a motor without."""
     log = logged("type_2_0")

@@ -138,6 +138,20 @@ def test_what_the_description_is_sure_of_stays() -> None:
     np.testing.assert_allclose(found.unknown, 1.1 * true, rtol=1e-5)
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_output_error_is_the_same_in_other_units_of_voltage(unit: float) -> None:
+    """In kilovolts and in millivolts, with its covariance."""
+    log, true = driven("type_2_0", 6.0).log(Sensors()), truth("type_2_0")
+    search = search_of(log, "type_2_0", 0.02)
+    prior = replace(search.prior, mean=unit * search.prior.mean, spread=unit * search.prior.spread)
+    windows = [replace(one, u=unit * one.u) for one in search.windows]
+    found = search.fit(0.9 * true)
+    other = OutputError(smoother_of(log, "type_2_0"), windows, prior, 0.02).fit(unit * 0.9 * true)
+    np.testing.assert_allclose(other.unknown, unit * found.unknown, rtol=1e-4)
+    np.testing.assert_allclose(other.interval, unit * found.interval, rtol=1e-2)
+    assert other.cost == pytest.approx(found.cost, rel=1e-4)
+
+
 def test_a_channel_that_contradicts_the_others_counts_less() -> None:
     """As little as what is left of it; those that the model explains count as their noise tells."""
     log = driven("type_2_0", 6.0).log(Sensors())

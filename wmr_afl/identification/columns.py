@@ -42,7 +42,7 @@ def update_period(times: Sequence[Floats], columns: Sequence[Floats]) -> float:
     """
     longest = 0.0
     for t, z in zip(times, columns, strict=True):
-        if len(z) < 50:
+        if len(z) <= _OVER:
             continue
         over = np.abs(z[_OVER:] - z[:-_OVER])  # steps of an encoder hide no repeats if it moves faster than them
         moving = over > max(3.0 * _OVER * quantum(z), 0.02 * float(over.max()), 0.0)

@@ -36,7 +36,7 @@ class Camera:
         if self._renderer is None:
             self._open(engine)
         root = engine.data.body(engine.mechanism.frames[0].name)
-        self._view.lookat[:] = [*root.xpos[:2], engine.mechanism.wheels[0].radius]
+        self._view.lookat[:] = [*root.xpos[:2], engine.mechanism.axle_height]
         self._renderer.update_scene(engine.data, self._view)
         self._take(self._renderer.render())
 
@@ -56,7 +56,9 @@ class Camera:
                 problem, "install EGL (libegl1 and libgl1), or set MUJOCO_GL=osmesa, or leave video out"
             ) from None
         self._view = mujoco().MjvCamera()
-        places = [part.at for part in (*engine.mechanism.wheels, *engine.mechanism.bodies)]
-        places += [frame.at for frame in engine.mechanism.frames]
-        size = 2.0 * max(float(np.hypot(*at)) for at in places) + engine.mechanism.wheels[0].radius
+        model = engine.model
+        reach = np.zeros(model.nbody)  # from the root, of the robot stretched out; parents stand first
+        for k, (parent, at) in enumerate(zip(model.body_parentid, model.body_pos, strict=True)):
+            reach[k] = reach[parent] + np.hypot(*at[:2])
+        size = 2.0 * float(reach.max()) + engine.mechanism.axle_height
         self._view.distance, self._view.elevation, self._view.azimuth = DISTANCE * size, DOWN, ASIDE

@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 from tests.wmr_afl.identification.rehearsed import ROBOTS, RUBS, driven, effort_of, logged, truth
 from wmr_afl import WmrError
 from wmr_afl.cli import app
+from wmr_afl.errors import SimulationError
+from wmr_afl.experiments.load import load_experiment
 from wmr_afl.identification.alike import is_geometry, motor_kinds
 from wmr_afl.identification.dead_time import dead_time
 from wmr_afl.identification.effort import Effort
@@ -25,9 +27,11 @@ from wmr_afl.identification.motion import Smoother
 from wmr_afl.identification.noise import standard_deviations
 from wmr_afl.identification.output_error import OutputError, delayed, windows_of
 from wmr_afl.identification.physical import physical
-from wmr_afl.identification.recording import Sensors, record
+from wmr_afl.identification.recording import Sensors, drive, record
 from wmr_afl.identification.simulated import Simulated
 from wmr_afl.identification.weak_form import WeakForm, bump
+from wmr_afl.plant.plant import Plant
+from wmr_afl.simulation.simulate import simulate
 
 
 def exact(robot: str) -> tuple[Smoother, list]:
@@ -69,9 +73,14 @@ def test_output_error_finds_the_robot(robot: str) -> None:
     assert np.median(missed / np.abs(true[told])) < 0.01
 
 
+def smoother_of(log: Log, robot: str) -> Smoother:
+    """With the noise that the log shows."""
+    return Smoother(effort_of(robot), log.channels, standard_deviations(log))
+
+
 def search_of(log: Log, robot: str, substep: float = 0.01, seconds: float = 1.0) -> OutputError:
     """Output error on a whole log."""
-    smoother = Smoother(effort_of(robot), log.channels, standard_deviations(log))
+    smoother = smoother_of(log, robot)
     motions = [smoother.motion(segment) for segment in log.segments]
     return OutputError(smoother, windows_of(motions, seconds), prior_of(smoother.effort, 10.0), substep)
 
@@ -120,6 +129,40 @@ def test_where_a_window_begins_is_as_read_off_unless_it_tells_better() -> None:
     assert np.any(np.abs(search.first - before)[~still] > 0.1 * search.spread)
 
 
+def test_what_the_description_is_sure_of_stays() -> None:
+    """The search goes there from the truth, although the log says something else."""
+    log, true = driven("type_2_0", 6.0).log(Sensors()), truth("type_2_0")
+    search = search_of(log, "type_2_0", 0.02)
+    sure = replace(search.prior, mean=1.1 * true, spread=1e-6 * true)
+    found = OutputError(smoother_of(log, "type_2_0"), search.windows, sure, 0.02).fit(true)
+    np.testing.assert_allclose(found.unknown, 1.1 * true, rtol=1e-5)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_output_error_is_the_same_in_other_units_of_voltage(unit: float) -> None:
+    """In kilovolts and in millivolts, with its covariance."""
+    log, true = driven("type_2_0", 6.0).log(Sensors()), truth("type_2_0")
+    search = search_of(log, "type_2_0", 0.02)
+    prior = replace(search.prior, mean=unit * search.prior.mean, spread=unit * search.prior.spread)
+    windows = [replace(one, u=unit * one.u) for one in search.windows]
+    found = search.fit(0.9 * true)
+    other = OutputError(smoother_of(log, "type_2_0"), windows, prior, 0.02).fit(unit * 0.9 * true)
+    np.testing.assert_allclose(other.unknown, unit * found.unknown, rtol=1e-4)
+    np.testing.assert_allclose(other.interval, unit * found.interval, rtol=1e-2)
+    assert other.cost == pytest.approx(found.cost, rel=1e-4)
+
+
+def test_a_channel_that_contradicts_the_others_counts_less() -> None:
+    """As little as what is left of it; those that the model explains count as their noise tells."""
+    log = driven("type_2_0", 6.0).log(Sensors())
+    search = search_of(log.of([replace(one, z=one.z * [1.0, 1.0, 1.1]) for one in log.segments]), "type_2_0")
+    found = search.fit(truth("type_2_0"))
+    right, left, gyro = search.error / search.noise
+    assert max(right, left) < 1.5
+    assert gyro > 10.0
+    np.testing.assert_allclose(found.unknown, truth("type_2_0"), rtol=3e-3)
+
+
 def test_windows_that_are_left_out_give_the_spread() -> None:
     """The jackknife is what leaving each cluster out and solving again gives, around the estimate."""
     random = np.random.default_rng(2)
@@ -157,6 +200,16 @@ def test_a_delayed_voltage_is_the_mean_over_the_sample(delay: float, share: list
     """Of what is held then; forwards and backwards."""
     u = np.arange(6.0)[:, None]
     assert delayed(u, delay, 0.02)[3] == pytest.approx(share)
+
+
+@pytest.mark.parametrize(("delay", "begin", "end"), [(0.04, [0, 0, 0, 1], [3]), (-0.04, [2], [5, 5, 5])])
+def test_beyond_its_ends_a_delayed_voltage_is_the_first_or_the_last(
+    delay: float, begin: list[float], end: list[float]
+) -> None:
+    """A log holds no other."""
+    found = delayed(np.arange(6.0)[:, None], delay, 0.02)[:, 0]
+    np.testing.assert_array_equal(found[: len(begin)], begin)
+    np.testing.assert_array_equal(found[-len(end) :], end)
 
 
 @pytest.mark.parametrize("samples", [0, 1, 3, -1])
@@ -241,6 +294,25 @@ def test_held_out_parts_are_foretold() -> None:
     assert search.misfit(true) < 0.5 * search.misfit(heavier)
 
 
+def test_a_long_part_is_foretold_in_windows_of_two_seconds() -> None:
+    """One after the other without a gap, each from what was measured; a shorter part as a whole.
+
+    A robot that stops at once, whatever its voltages, tells where windows begin.
+    """
+    smoother, (motion,) = exact("type_2_0")
+    segment, stops = motion.segment, Estimate("stops", 1e6 * truth("type_2_0"), np.empty((0, 0)))
+    again = np.tile(np.arange(len(segment)), 3)
+    long = smoother.motion(replace(segment, u=segment.u[again], z=segment.z[again], is_new=segment.is_new[again]))
+    size, reach = round(2.0 / segment.step), smoother.reach(segment.step)
+    for one, windows in ((motion, 1), (long, len(long.x) // size - 1)):
+        rows, v = foretold(smoother, one, stops)
+        moves = np.linalg.norm(v, axis=1) > 1e-6
+        begins = np.flatnonzero(moves[1:] & ~moves[:-1]) + 1
+        np.testing.assert_array_equal(begins, size * np.arange(1, windows))
+        np.testing.assert_array_equal(rows, np.arange(rows[0], rows[0] + len(rows)))
+        assert len(rows) > one.ok.sum() - size - 2 * reach
+
+
 def test_segments_are_held_out_by_name() -> None:
     """All of that name; short tests as a whole, the last of them."""
     log = logged("type_2_0", 6.0)
@@ -283,9 +355,6 @@ def test_a_log_of_an_experiment_is_the_run(tmp_path: object) -> None:
     """The state at each sample is the run's, but for finer steps; the same seed gives the same log."""
     sensors = Sensors(encoder=0.0, joint=0.0, gyro=0.0, measured=("x", "v", "omega"))
     log = record("track_type_2_0", seconds=2.0, sensors=sensors)
-    from wmr_afl.experiments.load import load_experiment
-    from wmr_afl.simulation.simulate import simulate
-
     run = simulate(next(iter(load_experiment("track_type_2_0").loops.values())), 2.0)
     rows = len(log.segments[0])
     names = list(run.model.state_units)
@@ -295,6 +364,15 @@ def test_a_log_of_an_experiment_is_the_run(tmp_path: object) -> None:
     one, two, other = (record("track_type_2_0", seconds=1.0, sensors=Sensors(seed=seed)) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one.segments[0].z, two.segments[0].z)
     assert not np.array_equal(one.segments[0].z, other.segments[0].z)
+
+
+def test_a_drive_without_bound_is_told() -> None:
+    """As soon as anything of it is no number: here x alone, which begins near the largest one."""
+    loop = next(iter(load_experiment("track_type_2_0").loops.values()))
+    start = np.array([1.7976e308, 0.0, 0.0, 0.0, 0.0])
+    plant = Plant(loop.model, loop.plant.parameters, start, "rk4", [])
+    with pytest.raises(SimulationError, match=r"the motion grows without bound at t = 0\.\d+ s"):
+        drive(replace(loop, plant=plant), lambda t, x: np.full(2, 1e305), 200, 4)
 
 
 def test_encoders_count_steps() -> None:

@@ -124,6 +124,16 @@ def test_no_motion_is_a_spike(robot: str) -> None:
         assert not log_of(log.model, segment.time[rows], segment.u[rows], columns).spikes
 
 
+def test_less_than_three_rows_are_no_segment() -> None:
+    """Whether a gap leaves them or a name."""
+    time = np.concatenate([0.02 * np.arange(50), [3.0, 3.02], 6.0 + 0.02 * np.arange(3)])
+    assert [len(one) for one in simple(time).segments] == [50, 3]
+    measured = {"angle:u_r": np.sin(time), "angle:u_l": np.cos(time)}
+    names = np.repeat(["a", "b", "c"], [50, 2, 3]).tolist()
+    log = log_of(UNICYCLE, time, np.ones((len(time), 2)), measured, names)
+    assert [(one.name, len(one)) for one in log.segments] == [("a", 50), ("c", 3)]
+
+
 @pytest.mark.parametrize(
     ("time", "told"),
     [
@@ -164,6 +174,16 @@ def test_a_log_is_what_was_written(tmp_path: Path) -> None:
     text += "".join(f"{0.02 * k},0,0,1,1,1,1,0,0\n" for k in range(20))
     (tmp_path / "run.csv").write_text(text)
     assert [one.name for one in read_log(UNICYCLE, tmp_path / "run.csv").channels] == ["x", "phi", "v"]
+
+
+@pytest.mark.parametrize(
+    ("file", "told"), [("a\0b", "'a\\x00b': is no path"), ("nowhere.csv", "nowhere.csv: cannot be")]
+)
+def test_a_file_that_cannot_be_is_told(file: str, told: str) -> None:
+    """In one line."""
+    with pytest.raises(WmrError) as error:
+        read_log(UNICYCLE, file)
+    assert told in str(error.value)
 
 
 @pytest.mark.parametrize("step", [2 * np.pi / 2048, 0.01, 0.0])
@@ -334,6 +354,14 @@ def test_a_channel_that_hardly_moves_says_nothing_of_its_rate() -> None:
     held = turning[np.arange(600) // 2 * 2]
     assert update_period([t, t], [drift, held]) == pytest.approx(0.02, rel=0.05)
     assert quantum(turning) == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(("count", "period"), [(1, 0.0), (8, 0.0), (9, 0.0), (38, 0.0), (60, 0.02)])
+def test_few_samples_say_nothing_of_a_rate(count: int, period: float) -> None:
+    """Half a second is enough."""
+    t = 0.01 * np.arange(count)
+    held = np.sin(t)[np.arange(count) // 2 * 2]
+    assert update_period([t], [held]) == pytest.approx(period, rel=0.1)
 
 
 def test_a_dead_encoder_is_told() -> None:

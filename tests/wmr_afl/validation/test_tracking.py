@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from tests.wmr_afl.validation.test_validate import gain, mechanism_of
+from tests.wmr_afl.validation.test_validate import ROBOTS, gain, mechanism_of
 from wmr_afl import WmrError, validate
 from wmr_afl.analysis.film import filming
 from wmr_afl.analysis.geometry import Geometry
@@ -21,6 +21,7 @@ from wmr_afl.model.wheel_loads import GRAVITY
 from wmr_afl.plant.uncertainty import Uncertainty
 from wmr_afl.simulation.simulate import simulate
 from wmr_afl.validation import tracking
+from wmr_afl.validation.camera import Camera
 from wmr_afl.validation.drive import drive
 from wmr_afl.validation.engine import Engine
 from wmr_afl.validation.mechanism import Mechanism
@@ -174,6 +175,27 @@ def short_loops(experiment: object, controllers: object, model: object) -> dict[
     return {"exact": (load_experiment("track_type_3_0").loops["exact"], 0.5)}
 
 
+@pytest.mark.parametrize(("experiment", "total", "end"), [(None, 2, 0.2), ("track_type_3_0", 3, 0.5)])
+def test_progress_and_what_is_watched(
+    experiment: str | None, total: int, end: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Checks are counted from none to all; the drive is watched once, or the first controller in its place."""
+    monkeypatch.setattr("wmr_afl.validation.validate._loops", short_loops if experiment else lambda *given: {})
+    counts: list[tuple[int, int]] = []
+    times: list[float] = []
+    validate(
+        "type_3_0",
+        count=2,
+        seconds=0.2,
+        experiment=experiment,
+        progress=lambda *now: counts.append(now),
+        watch=lambda engine, time: times.append(time),
+    )
+    assert counts == [(k, total) for k in range(total + 1)]
+    assert np.all(np.diff(times) > 0.0)
+    assert times[-1] == pytest.approx(end, abs=0.03)
+
+
 def test_a_film_shows_the_robot_on_its_way(tmp_path: Path) -> None:
     """Pictures at 25 a second, none like the one before."""
     mechanism = mechanism_of("mecanum")
@@ -190,6 +212,111 @@ def test_a_film_shows_the_robot_on_its_way(tmp_path: Path) -> None:
         pictures.seek(8)
         last = np.asarray(pictures.convert("RGB"), dtype=float)
     assert 0.1 < np.abs(last - first).mean() < 60.0
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_what_one_sees_is_where_the_robot_is(name: str) -> None:
+    """From the floor to the top of its wheels, over all of them and hardly further; corners of what turns stand out."""
+    mechanism = mechanism_of(name)
+    q = np.zeros(mechanism.model.coordinate_count)
+    engine = Engine(mechanism, Contact(), mechanism.loads(q))
+    engine.start(q, q)
+    model, data, signs = engine.model, engine.data, np.array([*np.ndindex(2, 2, 2)]) * 2.0 - 1.0
+    drawn = np.flatnonzero(model.geom_group == 1)
+    middle, half = np.split(model.geom_aabb[drawn], 2, axis=1)
+    corners = [
+        data.geom_xpos[k] + (at + signs * size) @ data.geom_xmat[k].reshape(3, 3).T
+        for k, at, size in zip(drawn, middle, half, strict=True)
+    ]
+    low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
+    wheels = np.array([data.body(f"{wheel.name} wheel").xpos for wheel in mechanism.wheels])
+    frames = [(data.body(body.frame), body.at) for body in mechanism.bodies]
+    frames += [(data.body(frame.name), np.zeros(2)) for frame in mechanism.frames]
+    places = np.array([*wheels, *(one.xpos + one.xmat.reshape(3, 3)[:, :2] @ at for one, at in frames)])[:, :2]
+    radius = mechanism.axle_height
+    assert -0.5 * radius < low[2] < 0.1 * radius
+    assert radius < high[2] < 2.5 * radius
+    assert np.all((low[:2] <= wheels[:, :2].min(axis=0)) & (low[:2] > places.min(axis=0) - 1.5 * radius))
+    assert np.all((high[:2] >= wheels[:, :2].max(axis=0)) & (high[:2] < places.max(axis=0) + 1.5 * radius))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_plate_covers_what_its_frame_holds(name: str) -> None:
+    """Bodies, wheels and what is hinged to it."""
+    mechanism = mechanism_of(name)
+    model = Engine(mechanism, Contact(), mechanism.loads(np.zeros(mechanism.model.coordinate_count))).model
+    for frame in mechanism.frames:
+        (plate,) = np.flatnonzero((model.geom_bodyid == model.body(frame.name).id) & (model.geom_type == 6))  # a box
+        parts = [one.at for one in (*mechanism.wheels, *mechanism.bodies) if one.frame == frame.name]
+        parts += [one.at for one in mechanism.frames if one.parent == frame.name]
+        for at in (*parts, np.zeros(2)):
+            assert np.all(np.abs(at - model.geom_pos[plate, :2]) <= model.geom_size[plate, :2] + 1e-12)
+
+
+class Eye:
+    """In the place of the engine's means of drawing: it keeps where it was told to look, and draws nothing."""
+
+    seen: list[tuple[Any, float, float, float]]
+    size: tuple[int, int]
+    is_open: bool
+
+    def __init__(self, model: object, height: int, width: int) -> None:
+        Eye.seen, Eye.size, Eye.is_open = [], (height, width), True
+
+    def update_scene(self, data: object, view: Any) -> None:
+        Eye.seen.append((view.lookat.copy(), view.distance, np.radians(view.elevation), np.radians(view.azimuth)))
+
+    def render(self) -> Any:
+        return np.zeros((*Eye.size, 3), dtype=np.uint8)
+
+    def close(self) -> None:
+        Eye.is_open = False
+
+
+def in_picture(points: Any, look: Any, distance: float, down: float, aside: float) -> Any:
+    """Where points (T, 3) are, to the right and up, in halves of the picture's height; a camera sees 45 degrees."""
+    ahead = np.array([np.cos(down) * np.cos(aside), np.cos(down) * np.sin(aside), np.sin(down)])
+    right = np.array([np.sin(aside), -np.cos(aside), 0.0])
+    axes = np.array([right, np.cross(right, ahead), ahead])
+    across, up, deep = axes @ (points - (look - distance * ahead)).T
+    return np.column_stack([across, up]) / (deep * np.tan(np.radians(22.5)))[:, None]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_whole_robot_is_in_the_picture(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen from above, wherever it has gone, and not too small to see."""
+    monkeypatch.setattr(mujoco, "Renderer", Eye)
+    mechanism = mechanism_of(name)
+    q = np.zeros(mechanism.model.coordinate_count)
+    engine = Engine(mechanism, Contact(), mechanism.loads(q))
+    pictures: list[Any] = []
+    camera = Camera(pictures.append, 1.0, (640, 360))
+    for k, start in enumerate(([0.0, 0.0, 0.0], [5.0, -3.0, 2.0])):
+        engine.start(np.concatenate([start, q[3:]]), np.zeros_like(q))
+        camera(engine, float(k))
+        wheels = np.array([engine.data.body(f"{wheel.name} wheel").xpos for wheel in mechanism.wheels])
+        places = in_picture(wheels, *Eye.seen[-1])
+        assert np.all(np.abs(places) < [16.0 / 9.0, 1.0])
+        assert np.ptp(places, axis=0).max() > 0.2
+        assert Eye.seen[-1][2] < 0.0
+    assert [picture.shape for picture in pictures] == [(360, 640, 3)] * 2
+    camera.close()
+    assert not Eye.is_open
+
+
+@pytest.mark.parametrize("rounding", [-1e-12, 0.0, 1e-12])
+def test_a_picture_is_taken_once_a_period(rounding: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However times are rounded; a camera that was never used has nothing to close."""
+    monkeypatch.setattr(mujoco, "Renderer", Eye)
+    mechanism = mechanism_of("type_2_0")
+    engine = Engine(mechanism, Contact(), mechanism.loads(np.zeros(3)))
+    pictures: list[Any] = []
+    camera, counts = Camera(pictures.append, 0.04, (640, 360)), []
+    camera.close()
+    for k in range(41):
+        camera(engine, 0.01 * k + rounding)
+        counts.append(len(pictures))
+    assert counts == [1 + k // 4 for k in range(41)]
 
 
 def test_an_engine_that_cannot_draw_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

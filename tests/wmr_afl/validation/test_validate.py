@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from wmr_afl.validation.bursts import bursts
 from wmr_afl.validation.drive import drive
 from wmr_afl.validation.engine import Engine
 from wmr_afl.validation.mechanism import Mechanism
-from wmr_afl.validation.mjcf import Contact
+from wmr_afl.validation.mjcf import Contact, hung, rest_of
 from wmr_afl.validation.validate import CONVENTIONAL, ROUGH, Bounds, drawn
 from wmr_afl.validation.voltages import Waves
 
@@ -140,6 +141,39 @@ def test_the_engine_has_the_masses_of_the_description(name: str) -> None:
     assert matrix[2, 2] == pytest.approx(inertia, rel=2e-3)
 
 
+def larger(mechanism: Mechanism, times: float) -> Mechanism:
+    """All lengths so many times as long, with the same masses."""
+
+    def part(one: Any) -> Any:
+        given = {"at": times * one.at} | {key: times * getattr(one, key) for key in ("radius",) if hasattr(one, key)}
+        squared = {key: times**2 * getattr(one, key) for key in ("inertia", "spin_inertia") if hasattr(one, key)}
+        return replace(one, **given, **squared)
+
+    other = Mechanism(mechanism.model, mechanism.p)
+    for kind in ("frames", "bodies", "wheels"):
+        other.__dict__[kind] = tuple(map(part, getattr(mechanism, kind)))
+    return other
+
+
+@pytest.mark.parametrize("name", ["car", "tractor_3_trailers", "mecanum"])
+def test_what_the_description_leaves_without_mass_is_given_little(name: str) -> None:
+    """A frame and its wheel; as little of a robot as of one twice as large."""
+    mechanism, contact = mechanism_of(name), Contact()
+    frame = mechanism.frames[-1].name
+    for kind in ("bodies", "wheels"):
+        parts = getattr(mechanism, kind)
+        without = (replace(one, mass=0.0, inertia=0.0) if one.frame == frame else one for one in parts)
+        mechanism.__dict__[kind] = tuple(without) if len(mechanism.frames) > 1 else parts
+    other = larger(mechanism, 2.0)
+    for one in mechanism.frames:
+        small, large = (rest_of(robot_, one.name, contact) for robot_ in (mechanism, other))
+        assert large.mass == pytest.approx(small.mass)
+        assert large.inertia == pytest.approx(4.0 * small.inertia)
+        np.testing.assert_allclose(large.centre, 2.0 * small.centre, atol=1e-12)
+    for wheel_, twice in zip(mechanism.wheels, other.wheels, strict=True):
+        np.testing.assert_allclose(hung(twice, other, contact), hung(wheel_, mechanism, contact) * np.array([1.0, 4.0]))
+
+
 def test_waves_begin_with_nothing() -> None:
     """And turn wheels at about the speed that they are meant for."""
     mechanism = mechanism_of("type_2_0")
@@ -240,3 +274,33 @@ def test_agreement_means_nothing_where_wheels_slip(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("wmr_afl.validation.engine.SLIPS", 0.01)
     with pytest.raises(WmrError, match="it slips; agreement would mean nothing"):
         validate("car", seconds=2.0, count=1)
+
+
+@pytest.mark.parametrize(("friction", "slips"), [(0.02, True), (2.0, False)])
+def test_a_wheel_that_slips_is_told(friction: float, slips: bool) -> None:
+    """It needs all the friction that there is; what rolls needs less."""
+    mechanism = mechanism_of("type_2_0_caster")
+    q = np.zeros(mechanism.model.coordinate_count)
+    engine = Engine(mechanism, Contact(friction=friction), mechanism.loads(q))
+    engine.start(q, q)
+    engine.drive(np.full(2, 0.5), 30)
+    if not slips:
+        engine.grip.check(mechanism, friction, "the test")
+        return
+    with pytest.raises(WmrError, match=r"the test needs 0\.02 of the load in friction at wheel \w+: it slips"):
+        engine.grip.check(mechanism, friction, "the test")
+
+
+def test_random_states_at_which_wheels_slip_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And counted; where all do nothing is judged."""
+    mechanism = mechanism_of("car")
+    monkeypatch.setattr("wmr_afl.validation.bursts.SLIPS", 0.002)
+    some = bursts(mechanism, count=30)
+    assert 0 < some.slipped < 30
+    assert some.rms.max() < bound(mechanism)
+    monkeypatch.setattr("wmr_afl.validation.bursts.SLIPS", 0.0)
+    none = bursts(mechanism, count=5)
+    assert (none.slipped, none.count) == (5, 5)
+    assert np.isnan([none.rms, none.worst]).all()
+    with pytest.raises(WmrError, match="every random state needs more friction than there is"):
+        validate("car", count=2, seconds=0.1)

@@ -163,19 +163,31 @@ def test_a_channel_that_contradicts_the_others_counts_less() -> None:
     np.testing.assert_allclose(found.unknown, truth("type_2_0"), rtol=3e-3)
 
 
-def test_windows_that_are_left_out_give_the_spread() -> None:
-    """The jackknife is what leaving each cluster out and solving again gives, around the estimate."""
+@pytest.mark.parametrize("prior", [np.zeros(3), np.array([3.0, 20.0, 100.0])], ids=["alone", "described"])
+def test_windows_that_are_left_out_give_the_spread(prior: np.ndarray) -> None:
+    """The jackknife is what leaving each cluster out and solving again gives, around the estimate; and the prior's."""
     random = np.random.default_rng(2)
     a, b = random.normal(size=(8, 12, 3)), random.normal(size=(8, 12))
-    whole = np.linalg.lstsq(a.reshape(-1, 3), b.ravel(), rcond=None)[0]
+
+    def solved(kept: list[int]) -> np.ndarray:
+        rows, right = np.vstack([*a[kept], np.diag(np.sqrt(prior))]), np.concatenate([*b[kept], np.zeros(3)])
+        return np.linalg.lstsq(rows, right, rcond=None)[0]
+
+    whole = solved([*range(8)])
     left = b - a @ whole
-    moved = []
-    for k in range(8):
-        kept = [i for i in range(8) if i != k]
-        moved.append(np.linalg.lstsq(a[kept].reshape(-1, 3), b[kept].ravel(), rcond=None)[0] - whole)
-    expected = 7 / 8 * np.transpose(moved) @ np.array(moved)
-    found = jackknife(np.einsum("wki,wkj->wij", a, a), np.einsum("wki,wk->wi", a, left), np.zeros(3))
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    moved = np.array([solved([i for i in range(8) if i != k]) - whole for k in range(8)])
+    inverse = np.linalg.inv(np.einsum("wki,wkj->ij", a, a) + np.diag(prior))
+    expected = 7 / 8 * moved.T @ moved + inverse @ np.diag(prior) @ inverse
+    for units in (np.ones(3), np.array([1e-9, 1.0, 1e9])):  # whatever numbers are counted in
+        own = a * units
+        found = jackknife(np.einsum("wki,wkj->wij", own, own), np.einsum("wki,wk->wi", own, left), prior * units**2)
+        np.testing.assert_allclose(found * np.outer(units, units), expected, rtol=1e-9)
+
+
+def test_an_interval_is_two_standard_deviations() -> None:
+    """None where rounding makes a variance negative."""
+    found = Estimate("told", np.ones(3), np.diag([9.0, 0.0, -1e-20])).interval
+    np.testing.assert_array_equal(found, [6.0, 0.0, 0.0])
 
 
 def test_a_number_that_no_window_tells_has_the_spread_of_the_description() -> None:

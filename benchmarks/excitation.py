@@ -2,7 +2,7 @@
 
 Each row is one design: random multisine -> D-optimal, both kept within limits by all robots that are tried. Then
 FRESH other robots, up to 30 % off as well, drive the voltages: how many of those go beyond a limit, and how far the
-worst one. Times depend on the machine.
+worst one. Times are of the processor and depend on the machine.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ def rows(robots: Sequence[str]) -> Iterator[list[str]]:
     """One design each."""
     for name in robots:
         volts, room, angles = LIMITS[name]
-        start = time.perf_counter()
+        start = time.process_time()
         limits = ", ".join([f"{volts:g} V", f"{room:g} m", *(f"{angle} {value:g}" for angle, value in angles.items())])
         try:
             found = wmr_afl.excite(name, volts, room, angles)
         except wmr_afl.WmrError as error:
-            yield [name, limits, *[""] * 9, str(error), f"{time.perf_counter() - start:.0f}"]
+            yield [name, limits, *[""] * 9, str(error), f"{time.process_time() - start:.0f}"]
             continue
-        seconds = time.perf_counter() - start
+        seconds = time.process_time() - start
         bounds = np.array([upper for _, upper in found.limits.values()])
         worst = max(found.deviations, key=lambda one: found.deviations[one])
         fresh = shares_of_others(found)

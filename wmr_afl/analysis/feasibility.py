@@ -49,6 +49,7 @@ class Demand:
     volts: dict[str, float]  # the largest of each motor [V], once the robot is on its way
     limits: dict[str, float]  # [V], infinite where there is none
     doubts: tuple[Doubt, ...]
+    since: float  # [s], from when on this is judged: before, the law comes from where the robot starts
     friction: dict[str, float] = field(default_factory=dict)  # the largest share of its load that each wheel needs
 
 
@@ -70,10 +71,14 @@ def demand(experiment: Experiment, path: Path, reference: Reference | None = Non
     is_below = (lowest / least > highest / most) | ((lowest / least == highest / most) & (-lowest > highest))
     needed, bounds = np.where(is_below, -lowest, highest), np.where(is_below, -least, most)
     doubts = [*_jumps(loop.reference, sample_times(loop, experiment.simulation.duration))]
+    since, end = JOINED / _rate(experiment), float(run.time[-1])
+    if run.failure is None and end <= since:
+        what = f"nothing of the reference is judged, for a law takes {since:g} s to come to it: let it last longer,"
+        doubts.append(Doubt(what, 0.0, end))
     doubts += [*_beyond(run, late, (least, most), motors)]
     friction = _friction(run, loop.sample_time)
-    friction[run.time[: len(friction)] < JOINED / _rate(experiment)] = 0.0
-    wheels = list(loop.model.metadata["geometry"]["wheels"]) if len(friction) else []
+    friction[run.time[: len(friction)] < since] = 0.0
+    wheels = list(loop.model.metadata["geometry"]["wheels"]) if len(friction) and end > since else []
     doubts += [*_slips(friction, run.time, wheels)]
     if run.failure is not None:
         doubts.append(Doubt(f"{run.failure.cause},", run.failure.time, run.failure.time))
@@ -82,6 +87,7 @@ def demand(experiment: Experiment, path: Path, reference: Reference | None = Non
         dict(zip(motors, needed.tolist(), strict=True)),
         dict(zip(motors, bounds.tolist(), strict=True)),
         tuple(doubts),
+        since,
         dict(zip(wheels, friction.max(axis=0, initial=0.0).tolist(), strict=False)),
     )
 
@@ -158,7 +164,8 @@ def _slips(friction: Floats, time: Floats, wheels: list[str]) -> Iterator[Doubt]
         needed = friction[:, index]
         for stretch in _stretches(needed > FLOOR, time)[:MOST]:
             what = (
-                f"wheel {name} would need a friction of up to {needed[stretch].max():.2g}, a dry floor has {FLOOR:g},"
+                f"wheel {name} would need a friction of up to {needed[stretch].max():.2g}, a dry floor has {FLOOR:g}: "
+                "follow a slower reference, or one that turns less sharply,"
             )
             yield Doubt(what, float(time[stretch[0]]), float(time[stretch[-1]]))
 

@@ -139,6 +139,7 @@ def check_reference(
         table.add_row(escape(name), f"{volts:.3g}", f"{limit:g}" if limit < float("inf") else "no limit told")
     console.print(table)
     console.print(f"friction, over each wheel's load at rest: {_friction(found.friction)}")
+    console.print(f"friction is judged from {found.since:g} s on, when a law has come to the reference from the start")
     for doubt in found.doubts:
         console.print(escape(str(doubt)))
     if found.doubts:

@@ -6,7 +6,7 @@ So that every step from a log to a controller can be rehearsed before there is a
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import casadi as ca
@@ -169,6 +169,8 @@ def record(
     """
     loaded = load_experiment(experiment)
     loop = loaded.loops[loaded.name(controller)]
+    # A log is one of a robot, not of Euler's method.
+    loop = replace(loop, plant=loop.plant.integrated(loop.model, "rk4"))
     duration = loaded.experiment.simulation.duration if seconds is None else seconds
     if seconds is None and isinstance(commands, Voltages):
         duration = float(commands.time[-1])

@@ -77,6 +77,7 @@ IPOPT: dict[str, Any] = {
 Progress = Callable[[int, int], None]  # rounds done, of how many
 
 UNFINISHED = "not converged"
+STOPPED = "User_Requested_Stop", "NonIpopt_Exception_Thrown"
 SAID = {
     "Solve_Succeeded": "converged",
     "Solved_To_Acceptable_Level": "hardly better any more",
@@ -149,7 +150,7 @@ class Excitation:
         else:
             kept = f"{tried} stay within limits"
         if self.undetermined:
-            return f"{kept}; not determined: {', '.join(self.undetermined)}"
+            return f"{kept}; not determined: {', '.join(self.undetermined)} ({MORE})"
         return f"{kept}; every number is determined"
 
     def _broken(self) -> list[str]:
@@ -442,6 +443,8 @@ class _Program:
         bounds = np.concatenate([np.ones(self._solver.size1_in("lbg") - len(limited)), limited])
         answer = self._solver(x0=weights, lbg=-bounds, ubg=bounds)
         stats = self._solver.stats()
+        if stats["return_status"] in STOPPED:  # CasADi takes Ctrl-C for the end of a search
+            raise KeyboardInterrupt
         said = SAID.get(stats["return_status"], stats["return_status"])
         return answer["x"].full()[:, 0], f"{said} after {stats['iter_count']} iterations"
 

@@ -53,6 +53,15 @@ class Plant(Fixed):
         for array in (self.parameters, self.start):
             array.flags.writeable = False
 
+    def integrated(self, model: Model, integrator: str) -> Plant:
+        """The same robot, integrated by another method.
+
+        Raises:
+            UnknownNameError: if there is no such integrator.
+        """
+        own = [part for part in self.uncertainties if not isinstance(part, JointStops)]  # added by every plant
+        return type(self)(model, self.parameters, self.start, integrator, own)
+
     @property
     def values(self) -> dict[str, Floats]:
         """The numbers that may differ between robots of a batch."""

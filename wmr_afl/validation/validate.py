@@ -85,19 +85,15 @@ class Validation:
     @property
     def verdict(self) -> str:
         """In a line, with the bounds."""
-        word = "AGREES" if self.agrees else "DIFFERS"
-        return (
-            f"{word}: accelerations at random states within {100 * self.bounds.bursts:g} % rms "
-            f"({100 * self.bursts.rms.max():.2g} %), the drive within {100 * self.bounds.drive:g} % "
-            f"({100 * max(self.differences[2].max(), self.ends[2]):.2g} %)"
-        ) + self._of_controllers
-
-    @property
-    def _of_controllers(self) -> str:
-        if not self.tracked:
-            return ""
-        worst = max(one.share for one in self.tracked)
-        return f", what controllers bring about within {100 * self.bounds.loop:g} % ({100 * worst:.2g} %)"
+        parts = [
+            ("accelerations at random states", float(self.bursts.rms.max()), self.bounds.bursts),
+            ("the drive", float(max(self.differences[2].max(), self.ends[2])), self.bounds.drive),
+        ]
+        if self.tracked:
+            worst = max(one.share for one in self.tracked)
+            parts.append(("what controllers bring about", worst, self.bounds.loop))
+        told = (f"{what} by {100 * share:.2g} % (bound {100 * bound:g} %)" for what, share, bound in parts)
+        return f"{'AGREES' if self.agrees else 'DIFFERS'}: {', '.join(told)}"
 
     @property
     def wheels(self) -> dict[str, dict[str, float]]:
@@ -201,7 +197,7 @@ def validate(
 
     `parameters` replace the description's; `start` is where the drive begins, zero unless given. `count` random states
     are drawn with `seed`; the drive lasts `seconds` [s]. With an `experiment` of this robot its controllers, or those
-    that are named, drive the engine's robot besides, at the experiment's parameters.
+    that are named, drive the engine's robot besides, at the experiment's parameters and from its start.
 
     With `space` the robot may rise, pitch and roll on its wheels, with all masses at `height` [m] above the floor, the
     radius of its largest wheel unless given. `watch` is called with the engine while it drives.
@@ -214,6 +210,10 @@ def validate(
     """
     model = (robot if isinstance(robot, Model) else load_model(robot)).in_library("numpy")
     p = np.asarray(model.parameters(**(parameters or {})), dtype=float)
+    if p.ndim != 1:
+        raise InputError(
+            "parameters", f"{dict(parameters or {})}", "are those of several robots", "validate one by one"
+        )
     check_robots(model, {}, p)
     if not 1 <= count <= 10_000 or not 0.1 <= seconds <= 60.0:
         wrong = ("count", f"{count}") if not 1 <= count <= 10_000 else ("seconds", f"{seconds:g}")
@@ -227,6 +227,13 @@ def validate(
     if height is not None and not (space and 1e-3 <= height <= 100.0):
         what = "is no height" if space else "is given without space"
         raise InputError("height", f"{height:g}", what, "give 0.001 to 100 m of the masses, in space")
+    if experiment is not None and (parameters or start):
+        given = "parameters" if parameters else "start"
+        raise InputError(
+            given, ", ".join(parameters or start or ()), "stand in the experiment", "leave one of both out"
+        )
+    if not all(np.isfinite(float(value)) for value in (start or {}).values()):
+        raise InputError("start", f"{dict(start or {})}", "is not finite", "give finite numbers")
     mechanism, loops = Mechanism(model, p), _loops(experiment, controllers, model)
     above = (height or mechanism.axle_height) if space else None
     total = 2 + len(loops)
@@ -242,9 +249,15 @@ def validate(
         progress(2 + len(tracked), total)
         tracked.append(track(loop, name, duration, above, None if tracked else watch))
     progress(total, total)
-    is_exact = is_shipped(model.folder) and not mechanism.has_rollers
+    is_exact = is_shipped(model.folder) and not mechanism.has_rollers and _is_near(p, model)
     bounds = CONVENTIONAL if is_exact else ROUGH
     return Validation(mechanism, found, driven, bounds, tuple(tracked), above)
+
+
+def _is_near(p: Floats, model: Model) -> bool:
+    """Whether parameters are as far from the description's as those that are drawn."""
+    described = np.asarray(model.parameters(), dtype=float)
+    return bool(np.all(np.abs(p - described) <= np.expm1(SPREAD) * np.abs(described)))
 
 
 def _loops(

@@ -7,8 +7,10 @@ from dataclasses import replace
 from functools import cache
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import casadi
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -207,6 +209,29 @@ def test_nothing_is_handed_out_that_tells_less_than_random_voltages(monkeypatch:
     assert before == after
     assert found.status == "nothing better than the random multisine was found"
     assert found.is_within_limits
+
+
+@pytest.mark.parametrize("status", voltage_design.STOPPED)
+def test_a_search_that_is_interrupted_is_no_design(status: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """CasADi takes Ctrl-C for the end of a search."""
+    program = object.__new__(voltage_design._Program)
+    answer = {"x": casadi.DM([1.0])}
+    solver = SimpleNamespace(stats=lambda: {"return_status": status, "iter_count": 3}, size1_in=lambda name: 1)
+    program._chosen, program._basis = [], np.zeros((1, 2))
+    program._solver = Solver(answer, solver)
+    with pytest.raises(KeyboardInterrupt):
+        program.solved(np.ones(1), np.ones(1))
+
+
+class Solver(SimpleNamespace):
+    """Something that answers, and tells how it ended."""
+
+    def __init__(self, answer: dict[str, Any], others: SimpleNamespace) -> None:
+        super().__init__(**vars(others))
+        self.answer = answer
+
+    def __call__(self, **given: Any) -> dict[str, Any]:
+        return self.answer
 
 
 def test_a_start_within_limits_is_no_smaller_than_it_has_to_be() -> None:

@@ -188,8 +188,7 @@ def test_every_backend_stops_at_the_same_place_and_the_run_says_so(experiment: P
     for run in runs[1:]:
         np.testing.assert_allclose(run.state, runs[0].state, rtol=1e-8, atol=1e-9)
     assert runs[0].state[:, 3].max() == pytest.approx(0.25, abs=1e-3)
-    (sign,) = runs[0].warnings
-    assert "a joint is at its stop in" in sign
+    assert any("a joint is at its stop in" in sign for sign in runs[0].warnings)
     batch = wmr_afl.run_batch(experiment, start={"beta": [0.0, 0.1]}, backend="compiled")
     np.testing.assert_allclose(batch.rms[0], runs[0].rms(), rtol=1e-6)
 

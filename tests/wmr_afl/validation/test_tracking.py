@@ -132,6 +132,8 @@ def test_a_planar_model_does_not_hold_where_a_wheel_lifts() -> None:
         ({"experiment": "track_car"}, "track_car is an experiment of car, not of type_2_0; name one of this robot"),
         ({"experiment": "track_type_2_0", "controllers": "smart"}, "unknown controller 'smart'; there is exact"),
         ({"experiment": "nowhere"}, "'nowhere'"),
+        ({"experiment": "track_type_2_0", "parameters": {"m_C": 30.0}}, "parameters: m_C: stand in the experiment"),
+        ({"experiment": "track_type_2_0", "start": {"x": 1.0}}, "start: x: stand in the experiment"),
         ({"controllers": "AFL"}, "controllers: AFL: stand in an experiment; name the experiment, too"),
         ({"space": True}, "type_2_0 does not stand: its centre of mass is not well within its wheels"),
         ({"height": 0.5}, "height: 0.5: is given without space"),
@@ -164,7 +166,7 @@ def test_the_command_tells_of_controllers_and_loads(tmp_path: Path, monkeypatch:
     done = CliRunner().invoke(app, ["validate", "type_3_0", *arguments])
     assert done.exit_code == 0, done.output
     plain = " ".join(done.output.split())
-    assert "what controllers bring about within 0.01 %" in plain
+    assert "% (bound 0.01 %)" in plain.partition("what controllers bring about by")[2]
     assert "every wheel stays on the floor, so that the planar model holds" in plain
     assert "load at rest [N]" in plain
     assert (tmp_path / "out" / "controllers.png").is_file()

@@ -72,13 +72,13 @@ def demand(experiment: Experiment, path: Path, reference: Reference | None = Non
     needed, bounds = np.where(is_below, -lowest, highest), np.where(is_below, -least, most)
     doubts = [*_jumps(loop.reference, sample_times(loop, experiment.simulation.duration))]
     since, end = JOINED / _rate(experiment), float(run.time[-1])
-    if run.failure is None and end <= since:
+    if run.failure is None and end < since:
         what = f"nothing of the reference is judged, for a law takes {since:g} s to come to it: let it last longer,"
         doubts.append(Doubt(what, 0.0, end))
     doubts += [*_beyond(run, late, (least, most), motors)]
     friction = _friction(run, loop.sample_time)
     friction[run.time[: len(friction)] < since] = 0.0
-    wheels = list(loop.model.metadata["geometry"]["wheels"]) if len(friction) and end > since else []
+    wheels = list(loop.model.metadata["geometry"]["wheels"]) if len(friction) and end >= since else []
     doubts += [*_slips(friction, run.time, wheels)]
     if run.failure is not None:
         doubts.append(Doubt(f"{run.failure.cause},", run.failure.time, run.failure.time))

@@ -139,7 +139,10 @@ def check_reference(
         table.add_row(escape(name), f"{volts:.3g}", f"{limit:g}" if limit < float("inf") else "no limit told")
     console.print(table)
     console.print(f"friction, over each wheel's load at rest: {_friction(found.friction)}")
-    console.print(f"friction is judged from {found.since:g} s on, when a law has come to the reference from the start")
+    if found.friction:
+        console.print(
+            f"friction is judged from {found.since:g} s on, when a law has come to the reference from the start"
+        )
     for doubt in found.doubts:
         console.print(escape(str(doubt)))
     if found.doubts:
@@ -149,5 +152,5 @@ def check_reference(
 def _friction(needed: dict[str, float]) -> str:
     """What each wheel needs, or that it cannot be told."""
     if not any(needed.values()):
-        return "cannot be told of constraints that no wheel makes, or without masses"
+        return "cannot be told of constraints that no wheel makes, without masses, or of a reference that is too short"
     return ", ".join(f"{escape(wheel)} {friction:.2g}" for wheel, friction in needed.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -292,3 +293,15 @@ def test_stretches_are_one_unless_more_than_a_second_is_between_them() -> None:
     assert [str(one) for one in found] == [
         "u would need up to 5 V of 4 V between 0.5 s and 1.5 s", "u would need up to 4 V of 3 V at 3 s"
     ]  # fmt: skip
+
+
+def test_a_reference_that_ends_before_a_law_has_come_to_it_is_not_judged(tmp_path: Path) -> None:
+    """It is told so, and no wheel's friction is."""
+    text = find_experiment("track_type_2_0").read_text()
+    (tmp_path / "short.toml").write_text(re.sub(r"duration = [\d.]+", "duration = 0.5", text))
+    found = demand(*read_experiment(tmp_path / "short.toml"))
+    assert found.since == 1.0
+    assert [doubt.what for doubt in found.doubts] == [
+        "nothing of the reference is judged, for a law takes 1 s to come to it: let it last longer,"
+    ]
+    assert found.friction == {}

@@ -234,7 +234,7 @@ def test_the_engine_has_to_be_there(monkeypatch: pytest.MonkeyPatch) -> None:
         ({"seconds": 0.0}, "seconds: 0: is too little"),
         ({"start": {"z": 1.0}}, "start: z: is no coordinate; name one of x, y, phi"),
         ({"parameters": {"m_X": 1.0}}, "m_X"),
-        ({"parameters": {"m_C": [1.0, 2.0]}}, "are of several robots"),
+        ({"parameters": {"m_C": [1.0, 2.0]}}, "are those of several robots"),
         ({"start": {"x": float("nan")}}, "is not finite; give finite numbers"),
     ],
 )

@@ -117,10 +117,10 @@ def identify(
         windows = windows_of(whole, _window(whole))
         final = OutputError(smoother, windows, prior, found.substep).fit(found.unknown)
     share = weak.share * np.abs(final.unknown) / np.maximum(np.abs(weak.unknown), 1e-300)
-    checks = [*dead, *findings(smoother, log, whole), _dead_time(smoother, whole, form, delay)]
-    checks += wrong_size(effort, weak, prior)
-    if best.score.overall < POOR:
-        checks += wrong_columns(smoother, log, whole, form)
+    sizes = list(wrong_size(effort, weak, prior))
+    mixed = list(wrong_columns(smoother, log, whole, form)) if sizes or best.score.overall < POOR else []
+    checks = [*mixed, *dead, *findings(smoother, log, whole), _dead_time(smoother, whole, form, delay)]
+    checks += [] if mixed else sizes  # signs follow from what was mixed up
     if missing:
         text = f"no motion of {', '.join(missing)}: what only that tells is as in the description"
         checks.append(Finding("motion", text, "drive such motions too"))

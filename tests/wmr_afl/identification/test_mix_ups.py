@@ -68,9 +68,11 @@ def test_a_reversed_encoder_is_found() -> None:
 
 
 def test_exchanged_motors_and_reversed_voltages_are_found() -> None:
-    """The equation fits such logs as well as right ones, with numbers of the wrong sign."""
+    """What was mixed up comes first, and of what follows from it nothing is said."""
     exchanged = found(lambda one: replace(one, u=one.u[:, ::-1]))
-    assert "have the opposite sign of the description's; exchange the motors' columns" in said(exchanged, "signs")
+    assert "with u_r and u_l exchanged; exchange these columns, or those of their encoders" in said(exchanged, "columns")
+    assert exchanged.checks[0].name == "columns"
+    assert not said(exchanged, "signs")
     assert exchanged.is_contradiction
     reversed_ = found(times(u=-1.0))
     assert "voltages run against the motion; multiply all voltages by -1" in said(reversed_, "signs")

@@ -70,7 +70,8 @@ def test_a_reversed_encoder_is_found() -> None:
 def test_exchanged_motors_and_reversed_voltages_are_found() -> None:
     """What was mixed up comes first, and of what follows from it nothing is said."""
     exchanged = found(lambda one: replace(one, u=one.u[:, ::-1]))
-    assert "with u_r and u_l exchanged; exchange these columns, or those of their encoders" in said(exchanged, "columns")
+    told = "with u_r and u_l exchanged; exchange these columns, or those of their encoders"
+    assert told in said(exchanged, "columns")
     assert exchanged.checks[0].name == "columns"
     assert not said(exchanged, "signs")
     assert exchanged.is_contradiction

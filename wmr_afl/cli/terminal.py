@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -38,8 +40,11 @@ Backend = Annotated[
 
 @contextmanager
 def reporting() -> Iterator[None]:
-    """Print errors, one line each, and exit with status 2; print warnings, one line each, and go on."""
-    with warnings.catch_warnings():
+    """Print errors, one line each, and exit with status 2; print warnings, one line each, and go on.
+
+    Ctrl-C stays Ctrl-C, whatever a library in which it came made of it.
+    """
+    with _interrupts() as interrupts, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # failures of runs are printed in tables
         warnings.simplefilter("always", BackendWarning)
         warnings.showwarning = lambda message, *_: typer.echo(f"warning: {message}", err=True)
@@ -49,6 +54,30 @@ def reporting() -> Iterator[None]:
             for line in str(error).splitlines():
                 typer.echo(f"error: {line}", err=True)
             raise typer.Exit(2) from None
+        except Exception:
+            if interrupts:
+                raise KeyboardInterrupt from None
+            raise
+
+
+@contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """The signals of Ctrl-C that came so far; each is raised as ever."""
+    came: list[int] = []
+
+    def note(number: int, frame: object) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or before in (None, signal.SIG_IGN):
+        yield came
+        return
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield came
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def say(text: str) -> None:

@@ -16,6 +16,7 @@ DISAGREE = 0.015  # of a rate, by which encoders and another sensor may differ
 SCATTER = 4.0  # standard deviations of that share, which it must exceed besides
 LATE = 0.01  # [s], by which a sensor may be later than the encoders
 DEGREES = 180.0 / np.pi
+UNITS = "units"  # the check that says so
 STILL = 3.0  # standard deviations of a channel: less is no motion
 ALIKE = 0.9  # of the samples at which two motors have the same voltage to the last digit
 MISSING = 5.0  # times its noise, that a pseudo-velocity has at least
@@ -134,12 +135,11 @@ def _sensors(smoother: Smoother, motions: list[Motion]) -> Iterator[Finding]:
             text = f"{channel} comes {1e3 * abs(found.lag):.0f} ms {when} than the encoders"
             yield Finding("sensors at one time", text, f"log both at the same instant, or leave {channel} out")
         if abs(abs(slope) / DEGREES - 1.0) < 0.1:
-            yield Finding(
-                name, f"{channel} is {abs(slope):.1f} times what the encoders say", f"convert {channel} to rad"
-            )
+            text = f"{channel} is {abs(slope):.1f} times what the encoders say"
+            yield Finding(UNITS, text, f"convert {channel} to rad")
         elif abs(abs(slope) * DEGREES - 1.0) < 0.1:
             text = f"the encoders say {1.0 / abs(slope):.1f} times what {channel} says"
-            yield Finding(name, text, "convert the encoders to rad")
+            yield Finding(UNITS, text, "convert the encoders to rad")
         elif slope < 0.0:
             text = f"{channel} runs against the encoders (by a factor of {slope:.2f})"
             yield Finding(name, text, f"multiply {channel} by -1 (counter-clockwise is positive), or the encoders")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wmr_afl.identification.checks import Finding
+from wmr_afl.identification.checks import UNITS, Finding
 from wmr_afl.identification.effort import Effort
 from wmr_afl.identification.estimate import NOT_DETERMINED, ROUGH, Estimate
 from wmr_afl.identification.feedforward import Feedforward, feedforward
@@ -147,6 +147,8 @@ class Identified:
             return f"{text}: this robot does not match the log; look at signs of voltages and lengths"
         if self.pushing:
             return f"{text}; a contradiction: friction below zero ({', '.join(self.pushing)})"
+        if self.has_other_units:
+            return f"{text}; a contradiction: sensors differ as degrees from radians do"
         if self.physical.is_contradiction:
             return f"{text}; a contradiction: no possible robot is like that (chi^2/n {self.physical.chi2:.3g})"
         return text
@@ -159,7 +161,12 @@ class Identified:
     @property
     def is_contradiction(self) -> bool:
         """Whether the log contradicts the description: not explained, or by no possible robot only."""
-        return self.physical.is_contradiction or bool(self.pushing) or not self.is_explained
+        return self.physical.is_contradiction or bool(self.pushing) or not self.is_explained or self.has_other_units
+
+    @property
+    def has_other_units(self) -> bool:
+        """Whether sensors differ as degrees from radians do."""
+        return any(one.name == UNITS for one in self.checks)
 
     @property
     def cost(self) -> float | None:

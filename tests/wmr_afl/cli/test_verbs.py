@@ -1,7 +1,11 @@
 """What each verb prints, writes and ends with, called in this process."""
 
 import json
+import os
 import shutil
+import signal
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +23,7 @@ from wmr_afl.analysis.paper.beyond_figures import CAPTIONS
 from wmr_afl.analysis.paper.claims import CLAIMS
 from wmr_afl.analysis.paper.figures import FIGURES
 from wmr_afl.cli import app, progress, terminal
+from wmr_afl.cli.terminal import reporting
 from wmr_afl.experiments.load import load_experiment
 from wmr_afl.model.laws import LAWS, Situation
 from wmr_afl.simulation.closed_loop import trace
@@ -513,3 +518,22 @@ def test_the_version_and_a_bar_that_no_terminal_shows() -> None:
     assert done.output.startswith("wmr-afl ")
     assert terminal.progress_bar().disable
     assert "Usage" in call().output
+
+
+def test_an_interrupt_stays_one_whatever_a_library_makes_of_it() -> None:
+    """Where it is swallowed and something else fails for it; without one, that failure is what it is."""
+
+    def swallowed(comes: bool) -> None:
+        with reporting():
+            if comes:
+                with suppress(KeyboardInterrupt):
+                    os.kill(os.getpid(), signal.SIGINT)
+                    time.sleep(1.0)
+            raise TypeError("of something that is not there")
+
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        swallowed(True)
+    with pytest.raises(TypeError):
+        swallowed(False)
+    assert signal.getsignal(signal.SIGINT) is before

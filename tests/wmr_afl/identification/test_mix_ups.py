@@ -103,7 +103,10 @@ def test_encoders_in_degrees_are_told_from_a_gyroscope_in_degrees() -> None:
             "angle:u_r": encoders * segment.z[:, 0], "angle:u_l": encoders * segment.z[:, 1], "phi": gyro * turned
         }  # fmt: skip
         log = log_of(ROBOT, segment.time, segment.u, columns)
-        assert told in said(found(log=log), "encoders against other sensors")
+        wrong = found(log=log)
+        assert told in said(wrong, "units")
+        assert wrong.is_contradiction
+        assert "sensors differ as degrees from radians do" in wrong.verdict
 
 
 @pytest.mark.parametrize("late", [3, -3])

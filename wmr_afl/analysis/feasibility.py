@@ -49,8 +49,8 @@ class Demand:
     volts: dict[str, float]  # the largest of each motor [V], once the robot is on its way
     limits: dict[str, float]  # [V], infinite where there is none
     doubts: tuple[Doubt, ...]
-    since: float  # [s], from when on this is judged: before, the law comes from where the robot starts
     friction: dict[str, float] = field(default_factory=dict)  # the largest share of its load that each wheel needs
+    since: float = 0.0  # [s], from when on friction is judged: before, the law comes from where the robot starts
 
 
 def demand(experiment: Experiment, path: Path, reference: Reference | None = None) -> Demand:
@@ -87,8 +87,8 @@ def demand(experiment: Experiment, path: Path, reference: Reference | None = Non
         dict(zip(motors, needed.tolist(), strict=True)),
         dict(zip(motors, bounds.tolist(), strict=True)),
         tuple(doubts),
-        since,
         dict(zip(wheels, friction.max(axis=0, initial=0.0).tolist(), strict=False)),
+        since,
     )
 
 

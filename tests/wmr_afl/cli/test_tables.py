@@ -193,14 +193,16 @@ def test_limits_are_told_of_the_joints_that_have_them(limited: dict[str, list[st
 @pytest.mark.parametrize("doubts", [(), (Doubt("the reference [y1] jumps", 1.0, 1.0), Doubt("too fast", 2.0, 3.5))])
 def test_a_reference_is_doubtful_if_anything_is(doubts: tuple[Doubt, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """A line for each motor and for each doubt; a script hears of it by the status."""
-    demand = Demand({"u_r": 7.25, "u_l": 30.0}, {"u_r": 24.0, "u_l": np.inf}, doubts, {"right": 0.25, "left": 0.5})
+    limits, friction = {"u_r": 24.0, "u_l": np.inf}, {"right": 0.25, "left": 0.5}
+    demand = Demand({"u_r": 7.25, "u_l": 30.0}, limits, doubts, friction, since=1.5)
     monkeypatch.setattr(feasibility, "demand", lambda experiment, path: demand)
     done = CliRunner().invoke(app, ["check-reference", "study_1"])
     assert done.exit_code == (1 if doubts else 0)
     lines = [cells(line) for line in done.stdout.splitlines()]
     assert lines[1:3] == [["u_r", "7.25", "24"], ["u_l", "30", "no limit told"]]
     assert lines[3] == ["friction, over each wheel's load at rest: right 0.25, left 0.5"]
-    assert lines[4:] == [[str(doubt)] for doubt in doubts]
+    assert lines[4][0].startswith("friction is judged from 1.5 s on")
+    assert lines[5:] == [[str(doubt)] for doubt in doubts]
 
 
 def held(holds: bool) -> Condition:

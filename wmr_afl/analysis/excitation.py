@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,9 +11,9 @@ from numpy.typing import NDArray
 from wmr_afl.errors import SimulationError
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Floats
+from wmr_afl.numerics.formulas import words_of
 from wmr_afl.simulation.result import Run
 
-WORD = re.compile(r"[A-Za-z_]\w*")
 WEAKEST = 1e-6  # of the largest eigenvalue; a direction with a smaller one counts as not determined
 
 
@@ -88,8 +87,8 @@ def undetermined(run: Run) -> tuple[str, ...]:
 def left_open(model: Model, estimated: str, names: Sequence[str]) -> tuple[str, ...]:
     """The uncertain physical parameters that act in these parameters only, so that nothing is learned of them."""
     formulas = model.formulas_of(estimated)
-    known = {word for name, text in formulas.items() if name not in names for word in WORD.findall(text)}
-    there = {word for name in names for word in WORD.findall(formulas[name])}
+    known = {word for name, text in formulas.items() if name not in names for word in words_of(text)}
+    there = {word for name in names for word in words_of(formulas[name])}
     return tuple(name for name in model.parameter_units if name in there - known and name not in model.known_units)
 
 

@@ -71,7 +71,7 @@ def demand(experiment: Experiment, path: Path, reference: Reference | None = Non
     is_below = (lowest / least > highest / most) | ((lowest / least == highest / most) & (-lowest > highest))
     needed, bounds = np.where(is_below, -lowest, highest), np.where(is_below, -least, most)
     doubts = [*_jumps(loop.reference, sample_times(loop, experiment.simulation.duration))]
-    since, end = JOINED / _rate(experiment), float(run.time[-1])
+    since, end = JOINED / _rate(experiment), float(run.time.max(initial=0.0))  # a run may fail at its first sample
     if run.failure is None and end < since:
         what = f"nothing of the reference is judged, for a law takes {since:g} s to come to it: let it last longer,"
         doubts.append(Doubt(what, 0.0, end))
@@ -82,7 +82,7 @@ def demand(experiment: Experiment, path: Path, reference: Reference | None = Non
     doubts += [*_slips(friction, run.time, wheels)]
     if run.failure is not None:
         doubts.append(Doubt(f"{run.failure.cause},", run.failure.time, run.failure.time))
-    doubts += [Doubt(warning, 0.0, float(run.time[-1])) for warning in run.warnings if "at its stop" in warning]
+    doubts += [Doubt(warning, 0.0, end) for warning in run.warnings if "at its stop" in warning]
     return Demand(
         dict(zip(motors, needed.tolist(), strict=True)),
         dict(zip(motors, bounds.tolist(), strict=True)),
@@ -153,9 +153,7 @@ def _friction(run: Run, step: float) -> Floats:
     """The share of its load that each wheel needs at each sample, (T-1, wheels); empty if forces cannot be told."""
     if not has_grip(run.model) or len(run.time) < 2:
         return np.zeros((0, 0))
-    with np.errstate(all="ignore"):
-        found = friction_along(run.model, run.state[:-1], run.state[1:], run.input[:-1], run.parameters, step)
-    return np.nan_to_num(found, posinf=np.finfo(float).max)
+    return friction_along(run.model, run.state[:-1], run.state[1:], run.input[:-1], run.parameters, step)
 
 
 def _slips(friction: Floats, time: Floats, wheels: list[str]) -> Iterator[Doubt]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -14,13 +13,12 @@ from wmr_afl.errors import UnknownNameError, WmrError
 from wmr_afl.identification.alike import is_geometry
 from wmr_afl.model.model import Model
 from wmr_afl.numerics.arrays import Array, Floats
-from wmr_afl.numerics.formulas import numpy_value
+from wmr_afl.numerics.formulas import numpy_value, words_of
 from wmr_afl.plant.integrators import rk4
 
 SUBSTEP = 1.0  # of the time constant of what is fastest in the robot: the longest step of integration
 MOST_STEPS = 40  # of integration in a sample
 SMALLEST = 1e-3  # [rad] of a limit
-WORD = re.compile(r"[A-Za-z_]\w*")
 REGULAR = 0.8  # of the way from the start to where the kinematics are singular, that angles may go unless limited
 SPREAD = 0.3  # by which uncertain parameters are off, relative to the guess
 
@@ -111,7 +109,7 @@ def _regular(model: Model, p: Floats, coordinates: Sequence[str], start: Floats)
     way = np.linspace(0.0, np.pi, 721)
     for text in model.findings["kinematic_singularities"]:
         factor = str(text).removesuffix("= 0")
-        there = [name for name in coordinates if name in set(WORD.findall(factor))]
+        there = [name for name in coordinates if name in words_of(factor)]
         reach = np.inf
         for signs in product((-1.0, 1.0), repeat=len(there)):
             moved_on = {name: known[name] + sign * way for name, sign in zip(there, signs, strict=True)}

@@ -52,10 +52,12 @@ def friction_along(model: Model, x: Floats, following: Floats, u: Floats, p: Flo
     """What a motion needed at samples x (T, 2n-m), with the states one step later and inputs u held, (T, wheels).
 
     Differences of v tell accelerations whatever else acted, as means over a sample; when the input changes, at its
-    start, they are larger by as much as the motors alone would lose in half of it.
+    start, they are larger by as much as the motors alone would lose in half of it. What cannot be told counts as
+    nothing, what is beyond all bounds as the largest number there is.
     """
     model = model.in_library("numpy")
     n, nothing = model.coordinate_count, np.zeros(model.pseudo_velocity_count)
-    lost = model.state_derivative(x, u, nothing, p) - model.state_derivative(following, u, nothing, p)
-    a = ((following - x) / step + 0.5 * lost)[:, n:]
-    return friction_needed(model, x, u, a, p)
+    with np.errstate(all="ignore"):
+        lost = model.state_derivative(x, u, nothing, p) - model.state_derivative(following, u, nothing, p)
+        a = ((following - x) / step + 0.5 * lost)[:, n:]
+        return np.nan_to_num(friction_needed(model, x, u, a, p), posinf=np.finfo(float).max)

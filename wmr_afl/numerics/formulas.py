@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
@@ -47,7 +48,13 @@ _OF_TIME: dict[str, Callable[..., Any]] = {  # functions in expressions of time
 }
 
 
+_WORD = re.compile(r"[A-Za-z_]\w*")
 FUNCTIONS = (*_ON_ARRAYS, "pi")  # what formulas of model.json may hold besides declared names
+
+
+def words_of(formula: str) -> set[str]:
+    """The names and functions that a formula holds."""
+    return set(_WORD.findall(formula))
 
 
 def numpy_value(formula: str, names: Mapping[str, Any]) -> Any:

@@ -56,9 +56,7 @@ def _grip(loop: ClosedLoop, signals: Mapping[str, Floats], numbers: Mapping[str,
     if not has_grip(loop.model) or len(x) < 2:
         return
     k = np.unique(((len(x) - 2) * np.linspace(0.0, 1.0, LOOKED_AT) ** 2).astype(int))
-    with np.errstate(all="ignore"):
-        needed = friction_along(loop.model, x[k], x[k + 1], signals["u"][k], numbers["p"], loop.sample_time)
-    needed = np.nan_to_num(needed, posinf=np.finfo(float).max)
+    needed = friction_along(loop.model, x[k], x[k + 1], signals["u"][k], numbers["p"], loop.sample_time)
     sample, wheel = np.unravel_index(int(np.argmax(needed)), needed.shape)
     if needed[sample, wheel] > FLOOR:
         what = f"wheel {list(loop.model.metadata['geometry']['wheels'])[wheel]} would need a friction of"

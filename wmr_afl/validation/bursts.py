@@ -35,8 +35,8 @@ def bursts(mechanism: Mechanism, other: Mechanism | None = None, count: int = 20
     """The model of `mechanism` against the engine's robot of `other` (the same unless given)."""
     model, p, random = mechanism.model, mechanism.p, np.random.default_rng(seed)
     n, n_v = model.coordinate_count, model.pseudo_velocity_count
-    grip, built = ample_friction(mechanism), other or mechanism
-    contact = Contact(STEP, grip, SLOW, LIGHT)
+    built = other or mechanism
+    contact = Contact(STEP, ample_friction(mechanism), SLOW, LIGHT)
     engine = Engine(built, contact, built.loads(np.zeros(n)))
     volts = HARD * Waves.of(mechanism).largest
     errors, sizes, slipped = [], [], 0
@@ -48,7 +48,7 @@ def bursts(mechanism: Mechanism, other: Mechanism | None = None, count: int = 20
         for _ in range(2):
             engine.drive(u, STEPS)
             seen.append(engine.state)
-        if np.any(engine.grip.friction > SLIPS * grip):
+        if np.any(engine.grip.friction > SLIPS * contact.friction):
             slipped += 1
             continue
         slope = (seen[1] - seen[0])[n:] / (STEPS * STEP)

@@ -150,7 +150,7 @@ class Engine:
 
     @property
     def grip(self) -> Grip:
-        """Now."""
+        """What wheels have of the floor now."""
         forces, one = np.zeros((len(self._bodies), 3)), np.zeros(6)
         for k in range(self.data.ncon):
             contact = self.data.contact[k]

@@ -305,3 +305,12 @@ def test_a_reference_that_ends_before_a_law_has_come_to_it_is_not_judged(tmp_pat
         "nothing of the reference is judged, for a law takes 1 s to come to it: let it last longer,"
     ]
     assert found.friction == {}
+
+
+def test_a_run_that_fails_at_its_first_sample_is_doubted_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing of it is left to be looked at."""
+    nothing = {name: (lambda run, name=name: getattr(run, name)[:0]) for name in ("time", "state", "input", "command")}
+    made_to_run(monkeypatch, failure=Failure(0.0, "something is singular"), **nothing)
+    found = demand(*read_experiment("study_1"))
+    assert found.doubts == (Doubt("something is singular,", 0.0, 0.0),)
+    assert found.friction == {}

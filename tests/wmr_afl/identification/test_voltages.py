@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from wmr_afl import WmrError, load_model
 from wmr_afl.cli import app
+from wmr_afl.experiments.experiment import find_experiment
 from wmr_afl.identification.log_file import read_log
 from wmr_afl.identification.recording import record
 from wmr_afl.identification.voltages import Loop, Voltages, read_voltages
@@ -99,3 +100,14 @@ def test_a_log_is_recorded_from_the_command_line(tmp_path: Path) -> None:
         assert done.output.count("\n") == 1
         assert told in done.output
         assert not (tmp_path / "wrong.csv").exists()
+
+
+def test_a_recorded_robot_is_integrated_exactly_whatever_the_experiment_says(tmp_path: Path) -> None:
+    """Euler's method is one of the paper's studies, and of no robot."""
+    text, logs = find_experiment("study_1").read_text(), []
+    assert 'integrator = "euler"' in text
+    for method in ("euler", "rk4"):
+        (tmp_path / f"{method}.toml").write_text(text.replace('integrator = "euler"', f'integrator = "{method}"'))
+        logs.append(record(tmp_path / f"{method}.toml", commands=lambda t, x: np.array([3.0, 5.0]), seconds=1.0))
+    one, other = (log.segments[0].z for log in logs)
+    np.testing.assert_array_equal(one, other)

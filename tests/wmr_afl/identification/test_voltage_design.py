@@ -244,6 +244,15 @@ def test_a_start_within_limits_is_no_smaller_than_it_has_to_be() -> None:
     assert space.fractions(task.tried(kept)).max() <= 1.0 < space.fractions(task.tried(1.05 * kept)).max()
 
 
+def test_between_what_is_lost_and_what_is_kept_it_is_looked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where a robot is lost nothing tells by how much it is too much: halves alone would end at a quarter."""
+    task: Any = object.__new__(voltage_design._Task)
+    monkeypatch.setattr(task, "tried", lambda weights: weights, raising=False)
+    lost = SimpleNamespace(fractions=lambda weights: np.array([np.inf if weights.max() > 0.37 else 0.5]))
+    monkeypatch.setattr(task, "space", lost, raising=False)
+    assert 0.37 / voltage_design.FINE <= task.within(np.ones(3)).max() <= 0.37
+
+
 @pytest.mark.parametrize("shipped", [one for one in wmr_afl.list_models() if singular(one)])
 def test_angles_keep_away_from_where_the_kinematics_are_singular(shipped: str) -> None:
     """S(q) is of the size that it has at the start in all corners of the space, and far larger a quarter farther on."""

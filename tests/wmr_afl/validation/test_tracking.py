@@ -91,6 +91,15 @@ def test_a_robot_at_rest_in_space_bears_what_statics_tells(name: str) -> None:
         np.testing.assert_allclose(found.least, mechanism.loads(q), rtol=2e-3)
 
 
+@pytest.mark.parametrize(("name", "stands"), [("type_2_0_caster", True), ("mecanum", True), ("car", False)])
+def test_a_robot_stands_on_three_wheels_or_more(name: str, stands: bool) -> None:
+    """Two in a line balance its weight, and tip all the same."""
+    mechanism = mechanism_of(name)
+    q = np.zeros(mechanism.model.coordinate_count)
+    assert mechanism.stands(q) is stands
+    assert mechanism.loads(q).sum() == pytest.approx(mechanism.mass * GRAVITY)
+
+
 def test_loads_shift_by_what_accelerates() -> None:
     """Masses times acceleration times height over the distance of axle and caster; no force is told to the test."""
     mechanism, height = mechanism_of("type_2_0_caster"), 0.5

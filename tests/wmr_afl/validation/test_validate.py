@@ -272,6 +272,14 @@ def test_a_robot_that_differs_ends_with_one(monkeypatch: pytest.MonkeyPatch, tmp
     assert "DIFFERS" in done.output
 
 
+def test_the_narrow_bounds_are_for_shipped_robots_as_they_are_described() -> None:
+    """And for drawn ones; with a thousandth of a mass the engine is less exact."""
+    model = load_model("type_2_0")
+    (near,) = drawn(model, 1)
+    for parameters, bounds in (({}, CONVENTIONAL), (near, CONVENTIONAL), ({"m_C": 0.03}, ROUGH)):
+        assert validate(model, parameters=parameters, count=1, seconds=0.2).bounds == bounds
+
+
 def test_agreement_means_nothing_where_wheels_slip(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where a drive needs more friction than there is nothing is judged."""
     monkeypatch.setattr("wmr_afl.validation.engine.SLIPS", 0.01)
